@@ -57,8 +57,9 @@ def run_run(options: argparse.Namespace, show: "Progress") -> int:
         known_names("--baseline", [options.baseline], list(plan.methods))
         plan = replace(plan, roles=structs.replace(plan.roles, baseline=options.baseline))
     plan = replace(plan, claims=tuple(claims_of(plan.all_methods(), plan.scenes, options.claims, options.claim)))
+    out = options.out or fresh_folder(options.profile, options.resume)
     if options.lpips is not None:
-        plan = _with_lpips(plan, options)
+        plan = _with_lpips(plan, options, out)
     if options.verify_omissions and len(plan.seeds) < LEAST_SEEDS:
         raise InputError(
             f"--verify-omissions: {len(plan.seeds)} seeds are too few for an interval; --seeds {LEAST_SEEDS} or more"
@@ -70,14 +71,13 @@ def run_run(options: argparse.Namespace, show: "Progress") -> int:
     if options.dry_run or not (options.quiet or options.profile == "smoke"):  # its run takes hardly longer
         from harness.execution.cost import estimate_apart
 
-        before = options.out if options.resume else None
-        estimate = estimate_apart(plan, machine, options.view_sets, options.verify_omissions, before)
+        finished = out if options.resume else None
+        estimate = estimate_apart(plan, machine, options.view_sets, options.verify_omissions, finished)
         for line in estimate.lines:
             say(line)
         show.expect(estimate.phases)
     if options.dry_run:
         return 0
-    out = options.out or fresh_folder(options.profile, options.resume)
     before = latest_folder()
     try:
         with claimed(out, plan, machine, options.resume, show.line):
@@ -102,17 +102,16 @@ def run_run(options: argparse.Namespace, show: "Progress") -> int:
     return code
 
 
-def _with_lpips(plan: "Plan", options: argparse.Namespace) -> "Plan":
-    """Return the plan with the weights of `--lpips`; raises `InputError` if they cannot be used."""
+def _with_lpips(plan: "Plan", options: argparse.Namespace, out: Path) -> "Plan":
     from harness.records.cells import read_cells
     from harness.training.scoring.lpips import lpips_of
 
     if options.executor == "ray":
         raise InputError("--lpips: the file is only on this machine; leave it out, or run here (--executor local)")
     digest = lpips_of(options.lpips).digest
-    for cell in read_cells(options.out) if options.resume and options.out else ():
+    for cell in read_cells(out) if options.resume else ():
         if cell.provenance.get("lpips", digest) != digest:
-            raise InputError(f"--lpips {options.lpips}: not the weights that {options.out} was scored with; give those")
+            raise InputError(f"--lpips {options.lpips}: not the weights that {out} was scored with; give those")
     return replace(plan, lpips=str(options.lpips.resolve()))
 
 

@@ -1,6 +1,4 @@
-"""The estimated cost of a plan on this machine, as a range, from a few steps and views of each method on random
-colours; it is printed before the run.
-"""
+"""The estimated cost of a plan on this machine, from a few steps and views of each method on random colours."""
 
 import math
 import time
@@ -49,7 +47,6 @@ class CostEstimate:
     """The estimated wall time of a run."""
 
     lines: list[str]
-    """The printed lines, by phase."""
     phases: dict[str, Range]
     """Map phase, as in `harness.execution.progress.Progress.expect` → its seconds; empty if not known."""
 
@@ -73,19 +70,18 @@ class Paces:
     start: float
     """The seconds until a process is ready for its first step."""
     compared: float
-    """The seconds of a view's scores."""
+    """The seconds of scoring a view."""
     delayed: float
     """The wall seconds per processor second: 1 if nothing else uses the machine."""
     images: int = 0
-    """The images of the user, each of which a run decodes once."""
+    """The number of the user's images, each of which a run decodes once."""
     reading: float = 0.0
     """The seconds of decoding them."""
 
 
 def estimate(plan: Plan, machine: Machine, view_sets: Path, verify: bool, before: Path | None) -> CostEstimate:
-    """Measure a few steps and views, and estimate the run; a cluster is not measured.
-
-    `view_sets` is the cache of rendered view sets, `before` the output folder that is resumed.
+    """Measure a few steps and views, and estimate the run; a cluster is not measured. `view_sets` is the cache of
+    rendered view sets, `before` the output folder that is resumed.
     """
     if machine.executor != "local":
         line = "estimated cost: a cluster is not measured beforehand; docs/scaling.md says how to compute it"
@@ -100,9 +96,7 @@ def estimate(plan: Plan, machine: Machine, view_sets: Path, verify: bool, before
 
 
 def _reading(path: Path, views: ViewSettings) -> tuple[int, float]:
-    """Return the images of a view set and the seconds of decoding them, by decoding one; raises `InputError` for a set
-    that cannot be read.
-    """
+    """Return the number of images of a view set, and the seconds of decoding them, measured on one image."""
     source = source_of(path)
     splits = [(source.frames("train"), views.train), (source.frames("test"), views.test)]
     files = [file for frames, count in splits if frames is not None for file in frames.files[:count]]
@@ -141,10 +135,7 @@ def groups_left(plan: Plan, before: Path | None) -> Groups:
 def estimate_from(
     plan: Plan, machine: Machine, paces: Paces, groups: Groups, missing: int, *, verify: bool
 ) -> CostEstimate:
-    """Return the estimate from measurements, where `groups` of cells and a number of view sets are `missing`.
-
-    `verify` says whether omissions are verified at the end.
-    """
+    """Return the estimate for `groups` of cells and `missing` view sets; with `verify`, omissions are measured too."""
     tried = [[paces.of[name] for name in methods if name in paces.of] for methods in groups]
     phases = {
         "rendering": _range(paces.reading) if plan.view_set else rendering_seconds(plan.views, missing),
@@ -178,8 +169,7 @@ def estimate_from(
 
 
 def training_seconds(plan: Plan, pace: Pace) -> float:
-    """Return the training seconds of a cell, on its own clock."""
-    # with one thread a core second is a second, with several it is less
+    # with several threads a core second takes less than a second
     limit = min(plan.budget.seconds or math.inf, plan.budget.core_seconds or math.inf)
     if not plan.budget.steps:
         return limit
@@ -236,7 +226,7 @@ def measure_paces(plan: Plan, device: torch.device, threads: int) -> Paces:
 
 
 def _batch(plan: Plan, count: int, device: torch.device) -> tuple[Rays, torch.Tensor]:
-    """Return rays through random pixels of a scene's cameras, of which the usual share misses the box, and colours."""
+    """Return rays through random pixels, of which the usual share misses the box, and random colours."""
     poses, width, generator = camera_to_world("train"), plan.views.resolution, generator_for("cost", count)
     focal = float(0.5 * width / np.tan(0.5 * FOV_X_RADIANS))
     cameras = Cameras.of(poses, width, width, focal, RADIUS - 2.0, RADIUS + 2.0)
@@ -268,8 +258,8 @@ def _pace(learner: Learner, plan: Plan, clock: Callable[[], float]) -> Pace:
 
 
 def seconds_of(work: Callable[[int], object], rays: int, device: torch.device, clock: Callable[[], float]) -> float:
-    """Return the median seconds of `work` on `rays` rays; if that takes long, they are extrapolated from the largest
-    fast try, as a GPU takes the same time for a few rays as for thousands.
+    """Return the median seconds of `work` on `rays` rays, extrapolated if that takes long from the largest fast try: a
+    GPU takes the same time for a few rays as for thousands.
     """
 
     def once(count: int) -> float:

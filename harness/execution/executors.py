@@ -13,7 +13,6 @@ if TYPE_CHECKING:
 def run_groups(
     machine: "Machine", tasks: "list[GroupTask]", commit: str, locally: "Callable[..., Iterator[Event]]"
 ) -> "Iterator[Event]":
-    """Yield the events of all groups, run by the executor of `machine`."""
     if machine.executor == "ray":
         from harness.execution.ray_executor import run_on_ray
 
@@ -33,7 +32,7 @@ def device_here(machine: "Machine") -> str:
 
 
 def leave() -> None:
-    """Leave the joined cluster; a Ray that was started for this command ends."""
+    """Leave the joined cluster, if there is one; a Ray that was started for this command ends."""
     if "ray" in sys.modules:
         from harness.execution.cluster.connection import disconnect
 

@@ -1,7 +1,4 @@
-"""View sets for a plan: rendered by Mitsuba in another process, or taken from the cache.
-
-The harness never imports Mitsuba: if Dr.Jit aborts, only that process ends.
-"""
+"""View sets for a plan, from the cache or rendered by Mitsuba in another process, as Dr.Jit may abort."""
 
 import contextlib
 import io
@@ -33,8 +30,7 @@ from scenes.view_sets.view_set import ViewSet, read_view_set
 
 
 def scenes_output(*words: str, **options: object) -> str:
-    """Return the output of `python -m scenes WORDS --OPTION VALUE …`, repeated with `scalar_rgb` if Dr.Jit aborts.
-
+    """Return the output of `python -m scenes WORDS --OPTION VALUE …`, tried again with `scalar_rgb` if Dr.Jit aborts.
     Raises `InputError` with its error output, and `RuntimeError` if it fails otherwise.
     """
     command = [sys.executable, "-m", "scenes", *words]
@@ -56,10 +52,8 @@ def read_views(
     scored_on: Literal["val", "test"] = "test",
     decoded: Path | None = None,
 ) -> ViewSet:
-    """Read the views for training and scoring a cell, by its settings; decoded images go to `scratch`, a folder on a
-    disk, and those of other programs also to `decoded`, from where they are read the next time.
-
-    Raises `InputError` for any fault of the folder.
+    """Read the views for training and scoring a cell. Decoded images go to `scratch`, a folder on a disk; those of
+    other programs also to `decoded`, to be read again. Raises `InputError` for any fault of the folder.
     """
     stored = read_view_set(
         folder,
@@ -101,13 +95,11 @@ def render_view_sets(
     scene_file: str | None = None,
     limit: float | None = None,
 ) -> Iterator[RenderProgress]:
-    """Yield progress, and a `path` for each scene. Raises `InputError` with the renderer's message.
+    """Yield progress, with a `path` for each finished scene. Raises `InputError` with the renderer's message.
 
-    With `scene_file`, only that scene is rendered, and a crash of its process is an `InputError` that names it. So is
-    loading or a view that takes longer than `limit` seconds (default `usual_limit`): its process is ended, finished
-    views are kept. Without `scene_file` and `limit` there is no limit.
-
-    If Dr.Jit crashes its process, the missing scenes are rendered with `scalar_rgb`.
+    With `scene_file`, only that scene is rendered, and `InputError` is also raised if its process crashes, or if
+    loading or a view takes longer than `limit` seconds (default `usual_limit`; otherwise there is no limit). Finished
+    views are kept. If Dr.Jit crashes its process, the missing scenes are rendered with `scalar_rgb`.
     """
     missing = list(scenes)
     if scene_file is not None and limit is None:
@@ -185,7 +177,6 @@ def sizes_of(views: ViewSettings) -> list[str]:
 def _render(
     words: list[str], scenes: tuple[str, ...], scene_file: str | None, limit: float | None
 ) -> Iterator[RenderProgress]:
-    """Run `python -m scenes render WORDS`, which renders `scenes` in their order."""
     command = [sys.executable, "-m", "scenes", "render", *words]
     with tempfile.TemporaryFile("w+") as complaints:
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=complaints, text=True)
@@ -227,9 +218,8 @@ def _render(
 
 
 def _messages(process: "subprocess.Popen[str]", beat: float) -> Iterator[JsonObject | None]:
-    """Yield the renderer's messages until they end, and None after each `beat` seconds without one.
-
-    After its end a child process may keep its pipe open: messages then end after two beats without one.
+    """Yield the renderer's messages until they end, and None after each `beat` seconds without one. After its end a
+    child process may keep its pipe open: messages then end after two beats without one.
     """
     messages: queue.Queue[JsonObject | None] = queue.Queue()
     output = process.stdout

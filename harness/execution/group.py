@@ -18,10 +18,9 @@ def run_group(
     placed: dict[str, object] | None = None,
     on_notice: Callable[[str], None] = lambda text: None,
 ) -> None:
-    """Train, score and write every method of the group; a program error ends in records of status `error`.
-
-    `placed` holds the executor's facts for the cells' provenance: `own_cores`, `cores`, `node`, …
-    Raises `OSError` if nothing can be written, as a record could not be written either.
+    """Train, score and write every method of the group; a program error ends in records of status `error`. `placed`
+    holds the executor's facts for the provenance: `own_cores`, `cores`, `node`, … Raises `OSError` if a record cannot
+    be written.
     """
     import torch
 

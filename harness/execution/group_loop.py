@@ -22,12 +22,11 @@ class Event:
 @dataclass(eq=False)
 class Attempt:
     task: GroupTask
-    """The given task, with all methods that were missing at first."""
+    """The task as given, with all methods that were missing at first."""
     number: int = 1
     ended: int = 0
     """The number of its methods that had ended before it."""
     handle: Any = None
-    """The executor's handle of it."""
 
 
 @dataclass(frozen=True)
@@ -64,10 +63,9 @@ class Executor(Protocol):
 
 
 def run_at(executor: Executor, tasks: list[GroupTask]) -> Iterator[Event]:
-    """Yield the events of all groups; closing it (Ctrl-C) cancels running attempts, and ended cells are on disk.
-
-    A lost attempt is followed by others, without the methods that had ended, or recorded as errors; a program error is
-    recorded by its group and not tried again.
+    """Yield the events of all groups. A lost attempt is followed by others, for the methods that had not ended, or
+    recorded as errors; a program error is recorded by its group and not retried. Closing the generator (Ctrl-C) cancels
+    running attempts; ended cells are on disk.
     """
     waiting = [Attempt(task) for task in tasks]
     running: list[Attempt] = []

@@ -33,12 +33,10 @@ class _Worker:
 def run_locally(tasks: list[GroupTask], workers: int) -> Iterator[Event]:
     """Run all tasks, at most `workers` at a time, on separate cores and GPUs if there are enough.
 
-    If a worker dies, the unfinished methods of its group are trained one at a time, and a method that ends its worker
-    again is recorded as an error. A worker that finds sources other than this process was started with trains nothing:
-    its group goes to another worker, or is recorded as an error if none is left.
-
-    Raises the `OSError` of a worker that cannot write its records, as no other could. Closing the generator (Ctrl-C)
-    ends the workers at once; finished cells are on disk.
+    If a worker dies, the unfinished methods of its group are trained one at a time; a method that ends its worker again
+    is recorded as an error. A worker that finds changed sources refuses its group, which goes to another worker, or is
+    recorded as an error if none is left. Raises the `OSError` of a worker that cannot write its records. Closing the
+    generator (Ctrl-C) ends the workers at once; finished cells are on disk.
     """
     return run_at(_Workers(tasks[0], workers), tasks) if tasks else iter(())
 
@@ -103,8 +101,8 @@ class _Workers:
         task = attempt.task
         if len(task.methods) == 1:
             return [], lost
-        alone = [Attempt(replace(task, methods=(name,)), attempt.number + 1) for name in missing]
-        return alone, f"{task.scene}, seed {task.seed}: {lost}; its methods are trained one at a time"
+        single = [Attempt(replace(task, methods=(name,)), attempt.number + 1) for name in missing]
+        return single, f"{task.scene}, seed {task.seed}: {lost}; its methods are trained one at a time"
 
     def cancel(self, running: list[Attempt]) -> None:
         for worker in self._pool:
@@ -122,7 +120,7 @@ def _ending(exit_code: int | None) -> str:
 def _work(
     connection: Connection, gpu: dict[str, str], threads: int, known: dict[str, str], origin: dict[str, object]
 ) -> None:
-    """Serve a driver of the `known` versions, on own cores and a GPU."""
+    """Serve a driver of the `known` versions, on reserved cores and a GPU."""
     end_with_parent()
     os.environ.update(gpu)
     if wrong := _other_code(known):

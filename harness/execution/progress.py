@@ -25,9 +25,7 @@ UNITS = ((86400.0, "d"), (3600.0, "h"), (60.0, "min"), (1.0, "s"))
 ENOUGH = 0.25
 """The share of a piece of work after which its pace predicts the rest."""
 SPREAD = (0.7, 1.4)
-"""The range of actual seconds relative to a measured pace: the first steps of a group skip no empty space, and scenes
-differ (`docs/reduced/summary.json`).
-"""
+"""The range of actual seconds relative to a measured pace, as steps and scenes differ (`docs/reduced/summary.json`)."""
 
 
 def span(low: float, high: float) -> str:
@@ -44,9 +42,8 @@ def _rounded(value: float) -> str:
 
 
 class TimeLeft:
-    """An estimate from the pace since the first report, which comes after processes have started and data are read.
-
-    The work has `total` units in pieces; work on a piece before its first report does not count for the pace.
+    """An estimate from the pace since the first report, which comes after processes have started and data are read. The
+    work has `total` units in pieces; work on a piece before its first report does not count for the pace.
     """
 
     def __init__(self, total: float = 1.0) -> None:
@@ -58,9 +55,7 @@ class TimeLeft:
         return sum(self._done.values()) / self._total if self._total else 1.0
 
     def after(self, done: float, piece: Hashable = None, size: float = 1.0) -> Range | None:
-        """Record that `done` units of a `piece` of `size` are done, and return the seconds left; None before a quarter
-        of a piece is done, and at the end.
-        """
+        """Record that `done` units of a `piece` are done, and return the seconds left, if they can be estimated."""
         now = time.monotonic()
         if not self._done:
             self._began = now
@@ -83,9 +78,7 @@ class RenderProgress:
     total: int
     path: Path | None = None
     note: str = ""
-    """A note for the user before rendering."""
     doing: str = ""
-    """The current work of the renderer."""
     kept: int = 0
     """The number of views that were finished before."""
     share: float = 0.0
@@ -174,9 +167,7 @@ class Lines(Progress):
         self._show("part", f"{what}: {done} of {total}{self._left('part', share, clock.after(share))}", share)
 
     def _left(self, phase: str, share: float, own: Range | None) -> str:
-        """Return the text of the time left, of the run if it was estimated, else of the phase; `own` is the phase's at
-        its pace so far.
-        """
+        """Format the time left of the run if it was estimated, else of the phase by its pace so far (`own`)."""
         later = [(0.0, 0.0)]
         if phase in self._expected:
             names = list(self._expected)
@@ -224,7 +215,6 @@ class Bars(Lines):
 
 
 def cell_line(cell: "CellRecord") -> str:
-    """Return the line of a finished cell."""
     name = f"{cell.scene} {cell.method} seed {cell.seed}"
     if cell.status != "done":
         return f"{name}: {cell.status.upper()}, {cell.reason}"
@@ -237,7 +227,6 @@ def cell_line(cell: "CellRecord") -> str:
 
 
 def chosen_progress(quiet: bool) -> Progress:
-    """Return bars on a terminal, lines elsewhere."""
     if quiet:
         return Quiet()
     return Bars() if sys.stdout.isatty() else Lines()

@@ -27,14 +27,13 @@ Look = tuple[list[Node], dict[str, float]]
 
 
 def run_on_ray(tasks: list[GroupTask], commit: str) -> Iterator[Event]:
-    """Run all tasks on the cluster that `harness.execution.cluster.connection.connect` has joined, as far as there is
-    room.
+    """Run all tasks on the Ray cluster that this process has joined, as far as there is room.
 
-    A group takes `threads` cores, and one GPU if it trains on one. If its node or process dies, it is retried elsewhere
+    A group takes `threads` cores, and a GPU if it trains on one. If its node or process dies, it is retried elsewhere
     without the methods that had ended, with bit-identical results; a program error is recorded and not retried. Raises
-    the `OSError` of a disk that cannot be written, here or on a node, and `InputError` if a node has other packages, if
-    no node is large enough, and if the cluster is lost. Closing the generator (Ctrl-C) cancels running groups; ended
-    cells are on disk.
+    the `OSError` of a disk that cannot be written, here or on a node, and `InputError` if a node has other packages,
+    none is large enough, or the cluster is lost. Closing the generator (Ctrl-C) cancels running groups; ended cells are
+    on disk.
     """
     import ray
 
@@ -75,7 +74,6 @@ class _Cluster:
         self._mailbox, self._files = _actors_here(list(self._listings.values()))
         self._watch = Room(needs_of(tasks[0].threads, tasks[0].device))
         self._nodes: dict[Attempt, str] = {}
-        """The node on which an attempt trains."""
 
     def submit(self, attempt: Attempt, task: GroupTask) -> None:
         import ray
@@ -151,7 +149,7 @@ def _resources(task: GroupTask) -> dict[str, object]:
 
 
 def _unfinished(task: GroupTask) -> dict[str, bytes]:
-    """Return path inside the output folder → content of the snapshots of its cells."""
+    """Map path inside the output folder → content of each snapshot of the group."""
     files = [unfinished_path(task.out, task.scene, name, task.seed) for name in task.methods]
     return {file.relative_to(task.out).as_posix(): file.read_bytes() for file in files if file.is_file()}
 
@@ -159,9 +157,7 @@ def _unfinished(task: GroupTask) -> dict[str, bytes]:
 def news_of(
     messages: list[Message], running: list[Attempt], nodes: dict[Attempt, str]
 ) -> Iterator[tuple[Attempt, News]]:
-    """Write delivered cells, each record last, and yield the news; late messages of a lost attempt are dropped. `nodes`
-    is updated with the node of each attempt.
-    """
+    """Write delivered cells, each record last; update `nodes`; yield the news, except late ones of lost attempts."""
     by_group: dict[Key, Attempt] = {(attempt.task.scene, attempt.task.seed): attempt for attempt in running}
     for message in messages:
         attempt = by_group.get(message.group)

@@ -43,9 +43,7 @@ from harness.verdicts.comparisons import Key, compare
 from harness.verdicts.survival import targets
 
 Verify = Callable[[list[CellRecord], list[SceneRecord], dict[str, Path]], list[SceneRecord]]
-"""A function of the cells, the scenes' records and scene → view set that adds the savings and costs of omissions to the
-scenes' records.
-"""
+"""A function of cells, scene records and scene → view set that adds the measured costs of omissions to the records."""
 
 
 def run(
@@ -58,7 +56,6 @@ def run(
     verify: Verify | None = None,
 ) -> int:
     """Execute the plan, without finished cells, into the locked folder `out` (`harness.run_folder.output_folder`).
-
     `verify` then trains with and without the parts that each scene does not need. Returns exit code 0, or 3 if a cell
     diverged or failed or an omission costs more than its bound. Raises `InputError` before training for wrong input.
     """
@@ -97,9 +94,7 @@ def run(
 def _read_view_sets(
     plan: Plan, tasks: list[GroupTask], command: str, show: Progress
 ) -> tuple[list[GroupTask], RunRecord]:
-    """Return the tasks, bound to the present content of the view sets, and the record of the run; raises `InputError`
-    for any fault of a view set.
-    """
+    """Return the tasks with the view sets' digests, and the run's record. Raises `InputError` for a faulty set."""
     keys = plan.cells()
     read = {task.scene: scene_record(task, keys) for task in tasks[: len(plan.scenes)]}
     scenes = [each.record for each in read.values()]
@@ -126,12 +121,8 @@ def _write(out: Path, keys: list[Key], record: RunRecord, phases: Phases, finish
 def _train(tasks: list[GroupTask], keys: list[Key], record: RunRecord, machine: Machine, show: Progress) -> None:
     """Train the missing cells of the tasks; add the executor's notices to the record's provenance."""
     out, origin = tasks[0].out, record.provenance
-    kept = {(cell.scene, cell.method, cell.seed): cell for cell in read_cells_of(out, keys)}
-    for key in [key for key, cell in kept.items() if cell.status in ("error", "not_available")]:  # tried again
-        cell_path(out, *key).unlink()
-        del kept[key]
+    cells = _kept_cells(out, keys)
     missing = [replace(task, methods=methods) for task in tasks if (methods := missing_methods(task))]
-    cells = list(kept.values())
     elsewhere = stale_cells(cells, origin, out)
     if elsewhere and (missing or mixed_sources(cells)):
         show.line(elsewhere)
@@ -147,8 +138,9 @@ def _train(tasks: list[GroupTask], keys: list[Key], record: RunRecord, machine: 
 
 
 def _train_guest(plan: Plan, tasks: list[GroupTask], record: RunRecord, machine: Machine, show: Progress) -> None:
-    """Train the missing guests, on each scene for the baseline's core seconds, if these are known."""
+    """Train the missing guests, on each scene for the baseline's core seconds if these are known."""
     out, budgets, baseline = tasks[0].out, {}, record.roles.baseline
+    _kept_cells(out, plan.guest_cells())
     for scene, guest, seed in plan.guest_cells():
         path = cell_path(out, scene, baseline, seed)
         if not cell_path(out, scene, guest, seed).exists() and path.exists():
@@ -165,8 +157,18 @@ def _train_guest(plan: Plan, tasks: list[GroupTask], record: RunRecord, machine:
         drop_folder(out)
 
 
+def _kept_cells(out: Path, keys: list[Key]) -> list[CellRecord]:
+    """Return the cells that stay; records of cells that failed or could not run are removed, to be tried again."""
+    kept = []
+    for cell in read_cells_of(out, keys):
+        if cell.status in ("error", "not_available"):
+            cell_path(out, cell.scene, cell.method, cell.seed).unlink()
+        else:
+            kept.append(cell)
+    return kept
+
+
 def _events(tasks: list[GroupTask], machine: Machine, commit: str, show: Progress) -> Iterator[Event]:
-    """Train the tasks and yield the events; show notices and ended cells."""
     for event in run_groups(machine, tasks, commit, run_locally):
         if event.notice is not None:
             show.line(event.notice)
@@ -176,9 +178,7 @@ def _events(tasks: list[GroupTask], machine: Machine, commit: str, show: Progres
 
 
 def _compare(out: Path, keys: list[Key], record: RunRecord) -> list[CellRecord]:
-    """Write comparisons of all methods and targets of the main methods, from the complete groups of cells, so that a
-    stopped run has some too; return all cells.
-    """
+    """Write comparisons and targets of the complete groups, so that a stopped run has some too; return all cells."""
     cells = list(read_cells_of(out, keys))
     missing = Counter((scene, seed) for scene, _, seed in keys)
     missing.subtract((cell.scene, cell.seed) for cell in cells)

@@ -27,9 +27,7 @@ from scenes.view_sets.visibility import visibility_of
 
 
 def measured_at_printed_size(file: ClaimFile) -> ClaimFile:
-    """Return claims with the measurements that they need: the weights by component of a method at 8 × 256, L = 10/4,
-    and this program's lines for the same parts.
-    """
+    """Return claims with the measurements that they need: weights at 8 × 256, L = 10/4, and lines of this program."""
     measured = Measured()
     for claim in file.claims:
         if claim.quantity == "lines":
@@ -44,16 +42,13 @@ def measured_at_printed_size(file: ClaimFile) -> ClaimFile:
 class SceneRead(NamedTuple):
     record: SceneRecord
     content: str | None
-    """The digest of its content."""
+    """The digest of the view set."""
     notes: tuple[str, ...]
-    """The notes of the reader of its images."""
+    """What the reader of its images noted."""
 
 
 def scene_record(task: GroupTask, keys: list[tuple[str, str, int]]) -> SceneRead:
-    """Read the view set of a task once, so that a fault is reported before any training.
-
-    Raises `InputError` for a fault, and if the cameras see nothing of the box.
-    """
+    """Read a task's view set before any training. Raises `InputError` for a fault, or if cameras miss the box."""
     scene, out = task.scene, task.out
     views = read_views(task.view_set, task.views, out, decoded=task.decoded)
     seen = visibility_of(views)

@@ -1,7 +1,6 @@
 """Executes groups of cells as Slurm jobs, by submitit, which write into the output folder that all nodes share.
 
-A job reports its news in a journal, a file with one JSON value per line; its records, pictures and snapshots are those
-of a run on one machine.
+A job reports its news in a journal, a file with one JSON value per line.
 """
 
 import json
@@ -52,10 +51,7 @@ class SlurmJob:
     commit: str
 
     def __call__(self) -> str | None:
-        """Train the group; return the reason if the node has other packages, else None.
-
-        Raises `OSError` if its files cannot be written.
-        """
+        """Train the group; return why the node refuses it, or None. Raises `OSError` if files cannot be written."""
         from harness.machine.cores import own_cores
         from harness.machine.device import available_cores
 
@@ -115,9 +111,8 @@ def job_parameters(given: list[str]) -> dict[str, object]:
 
 
 def executor(folder: Path, threads: int, device: str, given: list[str]) -> Any:
-    """Return submitit's executor: Slurm if `sbatch` is installed, else processes of this machine.
-
-    Raises `InputError` without submitit, and for a parameter that it does not know.
+    """Return submitit's executor: Slurm if `sbatch` is installed, else processes of this machine. Raises `InputError`
+    without submitit, and for a parameter that it does not know.
     """
     try:
         import submitit
@@ -137,10 +132,8 @@ def executor(folder: Path, threads: int, device: str, given: list[str]) -> Any:
 
 
 def ask_node(parent: Path, threads: int, device: str, given: list[str]) -> tuple[str, bool, str]:
-    """Ask a job, whose files lie in the folder `parent` meanwhile, about its node: the device, whether it multiplies
-    bfloat16, and a line on both.
-
-    Raises `InputError` if the node has other packages, or if no job runs.
+    """Ask a job about its node: the device, whether it multiplies bfloat16, and a line on both. Its files are written
+    to the folder `parent` for the time. Raises `InputError` if the node has other packages, or if no job runs.
     """
     parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=".jobs.", dir=parent, ignore_cleanup_errors=True) as folder:
@@ -166,19 +159,16 @@ def _this_node(driver: dict[str, str], device: str) -> tuple[str, bool, str] | s
 
 
 def _wrong_node(driver: dict[str, str]) -> str | None:
-    """Return the refusal of a node with other packages than the driver, else None."""
     wrong = differences(driver, versions())
     node = platform.node()
     return f"node {node} has {wrong}; every node needs the driver's environment" if wrong else None
 
 
 def run_by_submitit(tasks: list[GroupTask], commit: str, at_once: int, given: list[str]) -> Iterator[Event]:
-    """Run all tasks as jobs, at most `at_once` of them in the queue.
-
-    A job that reaches its time limit is queued again and resumes. A job that dies is tried again without the methods
-    that had ended, with bit-identical results. A program error is recorded and not tried again. Raises `InputError` if
-    a node has other packages or a disk that cannot be written. Closing the generator (Ctrl-C) cancels the jobs; ended
-    cells are on disk.
+    """Run all tasks as jobs, at most `at_once` of them in the queue. A job that reaches its time limit is queued again
+    and resumes. A job that dies is retried without the methods that had ended, with bit-identical results; a program
+    error is recorded and not retried. Raises `InputError` if a node has other packages or a disk that cannot be
+    written. Closing the generator (Ctrl-C) cancels the jobs; ended cells are on disk.
     """
     return run_at(_Queue(tasks[0], commit, at_once, given), tasks) if tasks else iter(())
 
@@ -241,7 +231,7 @@ class _Queue:
         for attempt in running:
             with suppress(Exception):
                 attempt.handle.cancel()
-        # after this command, another one may own the folder into which local processes still write
+        # another command may then own the folder into which local processes still write
         until = monotonic() + END_SECONDS
         while self._jobs.cluster == "local" and monotonic() < until and not all(job.handle.done() for job in running):
             sleep(POLL_SECONDS)
@@ -263,9 +253,7 @@ def _lost(job: Attempt) -> str | None:
 
 
 def _result(handle: Any, otherwise: str) -> Any:
-    """Wait for the result of a job; its error is returned as text, like a refusal. Raises `UncompletedJobError` if it
-    died.
-    """
+    """Wait for a job's result; return its error as text, like a refusal. Raises `UncompletedJobError` if it died."""
     from submitit.core.utils import FailedJobError
 
     try:

@@ -12,9 +12,7 @@ from harness.machine.stopwatch import Stopwatch
 
 REPEATS = 20
 NOISY = 0.05
-"""The spread of the same work's core seconds, and the share of the wall seconds that it waits, above which another
-program is to be suspected.
-"""
+"""The limits of the spread of the same work's core seconds, and of the share of the wall seconds that it waits."""
 SPINNING = 2.0
 """The core seconds of two threads, as a multiple of one thread's for the same work, above which they spin. Threads that
 sleep share caches as well, and differ from case to case on a busy machine.
@@ -51,12 +49,11 @@ def spinning(
     finally:
         torch.set_num_threads(1)
     # the first pair loads what it needs
-    return float(np.median([several / one for one, several in pairs[1:]]))
+    return float(np.median([several / single for single, several in pairs[1:]]))
 
 
 @contextmanager
 def busy_programs(count: int, seconds: float = 10.0) -> Iterator[None]:
-    """Run `count` programs that use one core each, for at most `seconds`."""
     command = [sys.executable, "-S", "-c", BUSY.format(seconds=seconds)]
     programs = [subprocess.Popen(command) for _ in range(count)]
     try:
@@ -76,7 +73,7 @@ def layers() -> object:
 
 
 def multiplications() -> object:
-    """Multiply matrices as large as a training's for some hundredths of a second."""
+    """Multiply matrices of the size of a training's for some hundredths of a second."""
     points, weights = torch.ones(1 << 15, 64), torch.ones(64, 64)
     for _ in range(10):
         points = points @ weights / 64.0

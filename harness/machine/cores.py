@@ -1,8 +1,7 @@
-"""Cores that one worker has to itself: workers that share a core would measure each other.
+"""Cores that are reserved for one worker: workers that share a core would measure each other.
 
-A taken core is an abstract socket with its number, which the system frees with the process that holds it, however that
-ends. So workers of several runs, and of several Ray nodes on one machine, avoid each other. Containers with separate
-networks do not see each other's sockets.
+A taken core is an abstract socket with its number, which the system frees with the process that holds it. So workers of
+several runs, and of several Ray nodes on one machine, avoid each other; containers with separate networks do not.
 """
 
 import os
@@ -21,10 +20,9 @@ LONGEST_CHOICE_SECONDS = 5.0
 @contextmanager
 def own_cores(count: int, name: str = NAME) -> Iterator[list[int] | None]:
     """Bind all threads of this process, within the context, to `count` cores that no other worker of this program has.
-
-    Hardware threads of one core stay together, and are left idle if there are cores enough. Yields the numbers of the
-    cores; an empty list, binding nothing, if too few are free or a quota gives time on any core; None if the system
-    (all but Linux) has no such binding.
+    Hardware threads of one core stay together, and are left idle if there are enough cores. Yields the numbers of the
+    cores: none, binding nothing, if too few are free or a quota gives time on any core; None if the system cannot bind
+    (all but Linux).
     """
     if not hasattr(os, "sched_setaffinity"):
         yield None
@@ -55,27 +53,35 @@ def own_siblings() -> list[tuple[int, ...]]:
     return siblings(allowed_cpus())
 
 
-def quota_cores(root: Path = Path("/sys/fs/cgroup"), groups: Path = Path("/proc/self/cgroup")) -> int | None:
-    """Return a container's quota of processor time (`docker run --cpus`) in cores, rounded down, at least 1; None
-    without a quota.
+CONTROL_GROUPS, OWN_GROUPS = Path("/sys/fs/cgroup"), Path("/proc/self/cgroup")
 
-    The quota is that of the process's control group and those above it, of either version of the interface.
+
+def quota_cores(root: Path = CONTROL_GROUPS, groups: Path = OWN_GROUPS) -> int | None:
+    """Return the quota of processor time of this process's control groups (`docker run --cpus`), in cores, rounded
+    down, at least 1; None without a quota.
     """
     quotas = []
+    for folder in group_folders("cpu", root, groups):
+        quota_and_period = _words(folder / "cpu.max")
+        quota_and_period += _words(folder / "cpu.cfs_quota_us") + _words(folder / "cpu.cfs_period_us")
+        # without a quota "max 100000", in the first version -1
+        if len(quota_and_period) == 2 and all(word.isdecimal() for word in quota_and_period):
+            quota, period = map(int, quota_and_period)
+            quotas += [max(1, quota // period)] if period else []
+    return min(quotas, default=None)
+
+
+def group_folders(controller: str, root: Path = CONTROL_GROUPS, groups: Path = OWN_GROUPS) -> Iterator[Path]:
+    """Yield the folders of this process's control groups for a controller, of either version of the interface, and of
+    the groups around them.
+    """
     for line in _words(groups, "\n"):
         _, controllers, path = [*line.split(":", 2), "", ""][:3]
-        if controllers and "cpu" not in controllers.split(","):
+        if controllers and controller not in controllers.split(","):
             continue
         top = root / controllers
         inside = top / path.strip("/")
-        for folder in {top, *(folder for folder in (inside, *inside.parents) if folder.is_relative_to(top))}:
-            quota_and_period = _words(folder / "cpu.max")
-            quota_and_period += _words(folder / "cpu.cfs_quota_us") + _words(folder / "cpu.cfs_period_us")
-            # without a quota "max 100000", in the first version -1
-            if len(quota_and_period) == 2 and all(word.isdecimal() for word in quota_and_period):
-                quota, period = map(int, quota_and_period)
-                quotas += [max(1, quota // period)] if period else []
-    return min(quotas, default=None)
+        yield from {top, *(folder for folder in (inside, *inside.parents) if folder.is_relative_to(top))}
 
 
 def _words(file: Path, between: str | None = None) -> list[str]:
@@ -98,9 +104,7 @@ def siblings(cpus: list[int]) -> list[tuple[int, ...]]:
 
 
 def chosen_cores(count: int, cores: list[tuple[int, ...]], free: set[int]) -> list[int]:
-    """Choose `count` numbers of `cores` all of whose threads are free: first one thread of each core, then the others;
-    an empty list if there are too few.
-    """
+    """Choose `count` threads of cores that are entirely `free`, first one per core; return [] if there are too few."""
     unused = [core for core in cores if set(core) <= free]
     chosen = [*(core[0] for core in unused), *(cpu for core in unused for cpu in core[1:])][:count]
     return sorted(chosen) if len(chosen) == count else []

@@ -60,8 +60,8 @@ def _set_thresholds(mmap: int, trim: int) -> None:
 
 
 def rendering_threads() -> int:
-    """Return the default number of threads for interactive rendering. One core is left for the browser: threads of
-    torch that waited for each other on a busy core made a view of 100 × 100 pixels take seconds, not half a second.
+    """Return the default number of threads for interactive rendering. One core is left for the browser: threads that
+    waited for each other on a busy core made a view of 100 × 100 pixels take seconds instead of half a second.
     """
     return max(1, available_cores() - 1)
 
@@ -73,10 +73,8 @@ def available_cores() -> int:
 
 
 def multiplies_bfloat16(device: torch.device) -> bool:
-    """Return whether the processor has matrix units for bfloat16; without them float32 is faster.
-
-    AVX-512's vector multiplications do not suffice: with them a step was measured to take 1.6 (6 × 64) to 1.7 times
-    (8 × 256) as long as in float32.
+    """Return whether the processor has matrix units for bfloat16; without them float32 is faster: with AVX-512's vector
+    multiplications a step took 1.6 (6 × 64) to 1.7 times (8 × 256) as long.
     """
     if device.type == "cuda":
         return bool(torch.cuda.is_bf16_supported())

@@ -14,7 +14,14 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Literal
 
-from harness.machine.cores import allowed_cpus, own_cores, quota_cores
+from harness.machine.cores import (
+    CONTROL_GROUPS,
+    OWN_GROUPS,
+    allowed_cpus,
+    group_folders,
+    own_cores,
+    quota_cores,
+)
 from harness.machine.wait_policy import SPINS, VARIABLE
 from scenes.files.json_object import JsonObject
 from scenes.rendering.variant import OLDEST_LLVM, llvm_libraries, probe
@@ -48,7 +55,7 @@ TOOLS: tuple[tuple[tuple[str, ...], str, str], ...] = (
         "install it (Debian: apt install chromium)",
     ),
 )
-"""The tools: names to try · purpose · remedy."""
+"""Names to try · purpose · remedy."""
 FLAGS = ("avx2", "avx512f", "avx512_bf16", "amx_tile", "amx_bf16", "asimd", "bf16")
 INSTALL_LLVM = (
     f"install the shared library of LLVM {OLDEST_LLVM} or newer (Debian: apt install libllvm19), or name it in "
@@ -98,12 +105,17 @@ def memory_findings() -> Iterator[Finding]:
     )
 
 
-def memory_bytes(root: Path = Path("/sys/fs/cgroup"), meminfo: Path = Path("/proc/meminfo")) -> int | None:
-    """Return the memory of the machine, or of its container if that is less; None if neither can be read."""
+def memory_bytes(
+    root: Path = CONTROL_GROUPS, groups: Path = OWN_GROUPS, meminfo: Path = Path("/proc/meminfo")
+) -> int | None:
+    """Return the memory of the machine, or of this process's control groups (a container, a job) if that is less; None
+    if neither can be read.
+    """
     limits = []
-    for file in (root / "memory.max", root / "memory" / "memory.limit_in_bytes"):
-        with suppress(OSError, ValueError):  # "max" is no limit
-            limits.append(int(file.read_text(encoding="utf-8")))
+    for folder in group_folders("memory", root, groups):
+        for name in ("memory.max", "memory.limit_in_bytes"):
+            with suppress(OSError, ValueError):  # "max" is no limit
+                limits.append(int((folder / name).read_text(encoding="utf-8")))
     with suppress(OSError, ValueError, IndexError):
         lines = meminfo.read_text(encoding="utf-8").splitlines()
         limits += [1024 * int(line.split()[1]) for line in lines if line.startswith("MemTotal:")]
@@ -126,8 +138,8 @@ def python_findings() -> Iterator[Finding]:
     oldest = str(_project()["project"]["requires-python"]).removeprefix(">=")
     here = platform.python_version()
     is_old = _numbers(here)[:2] < _numbers(oldest)[:2]
-    found = here if is_old else f"{here} on {platform.system()} {platform.machine()}"
-    yield judge("Python", found, (is_old, "missing", f"install Python {oldest} or newer"))
+    text = here if is_old else f"{here} on {platform.system()} {platform.machine()}"
+    yield judge("Python", text, (is_old, "missing", f"install Python {oldest} or newer"))
 
 
 def package_findings() -> Iterator[Finding]:
@@ -148,7 +160,7 @@ def optional_findings() -> Iterator[Finding]:
 
 
 def _ranges(requirements: list[str]) -> dict[str, str]:
-    """Return name → range, as `>=2.11,<2.16`."""
+    """Map name → range, such as `>=2.11,<2.16`."""
     matches = (re.match(r"([A-Za-z0-9._-]+)(>=[\d.]+,<[\d.]+)$", line) for line in requirements)
     return {match.group(1): match.group(2) for match in matches if match}
 
@@ -159,8 +171,8 @@ def _within(name: str, tested: str, to_do: str, needed: bool) -> Finding:
     except PackageNotFoundError:
         return Finding(name, "not installed", "missing", to_do, needed)
     # without the local part, which names the build, as in 2.15.0+cpu
-    low, high, found = (_numbers(text) for text in (*tested.removeprefix(">=").split(",<"), here))
-    return judge(name, here, (not low <= found < high, "limited", f"tested versions: {tested}; {RENEW}"))
+    low, high, installed = (_numbers(text) for text in (*tested.removeprefix(">=").split(",<"), here))
+    return judge(name, here, (not low <= installed < high, "limited", f"tested versions: {tested}; {RENEW}"))
 
 
 def _numbers(version: str) -> list[int]:
@@ -174,8 +186,8 @@ def _project() -> JsonObject:
 def tool_findings() -> Iterator[Finding]:
     for names, purpose, to_do in TOOLS:
         path = next(filter(None, map(shutil.which, names)), None)
-        found = "not found" if path is None else Path(path).name
-        yield judge(names[0], found, (path is None, "limited", f"{purpose}: {to_do}"))
+        text = "not found" if path is None else Path(path).name
+        yield judge(names[0], text, (path is None, "limited", f"{purpose}: {to_do}"))
 
 
 def torch_findings() -> Iterator[Finding]:
@@ -202,16 +214,16 @@ def clock_findings() -> Iterator[Finding]:
     watch = Stopwatch(torch.device("cpu"))
     use_threads(1)  # as in training
     spread, waits = noise(watch, multiplications)
-    found = f"core seconds differ by {100 * spread:.1f} % (middle half), waiting adds {100 * max(waits, 0.0):.1f} %"
+    text = f"core seconds differ by {100 * spread:.1f} % (middle half), waiting adds {100 * max(waits, 0.0):.1f} %"
     to_do = "stop other programs before anything is timed"
-    yield judge("repeated work", found, (max(spread, waits) > NOISY, "limited", to_do))
+    yield judge("repeated work", text, (max(spread, waits) > NOISY, "limited", to_do))
     if len(allowed_cpus()) < 2:
         return
     with own_cores(2):  # which the busy programs inherit
         times = spinning(watch, 2, busy_programs)
-    found = f"{times:.2f} times those of one thread for the same work, with 2 busy programs on the same cores"
+    text = f"{times:.2f} times those of one thread for the same work, with 2 busy programs on the same cores"
     to_do = f"keep --threads 1, or unset {VARIABLE} and {SPINS}: threads that wait use processor time"
-    yield judge("core seconds of 2 threads", found, (times > SPINNING, "limited", to_do))
+    yield judge("core seconds of 2 threads", text, (times > SPINNING, "limited", to_do))
 
 
 def matmul_findings() -> Iterator[Finding]:
@@ -230,9 +242,7 @@ def matmul_findings() -> Iterator[Finding]:
 
 
 def mitsuba_findings() -> Iterator[Finding]:
-    """Yield the scalar variant, which suffices for everything, and what the faster ones need: LLVM, whose libraries are
-    tried until one works; CUDA, which needs an NVIDIA GPU.
-    """
+    """Yield findings on the scalar variant, which suffices, and on what faster ones need: a working LLVM, or CUDA."""
     failure = probe("scalar_rgb", "")
     yield judge("Mitsuba scalar_rgb", failure or "renders", (bool(failure), "missing", "reinstall mitsuba as pinned"))
     users, libraries = os.environ.get("DRJIT_LIBLLVM_PATH"), [str(path) for path in llvm_libraries()]
@@ -244,8 +254,8 @@ def mitsuba_findings() -> Iterator[Finding]:
         yield Finding("Mitsuba llvm_ad_rgb", "no libLLVM was found", "limited", to_do)
     for library in libraries:
         failure = probe("llvm_ad_rgb", library)
-        found = f"renders with {library}" if failure is None else f"{library}: {failure}"
-        yield judge("Mitsuba llvm_ad_rgb", found, (failure is not None, "limited", INSTALL_LLVM))
+        text = f"renders with {library}" if failure is None else f"{library}: {failure}"
+        yield judge("Mitsuba llvm_ad_rgb", text, (failure is not None, "limited", INSTALL_LLVM))
         if failure is None:
             break
     has_driver = bool(ctypes.util.find_library("cuda") or ctypes.util.find_library("nvcuda"))

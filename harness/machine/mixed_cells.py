@@ -54,10 +54,10 @@ def mixed_sources(cells: Sequence[CellRecord]) -> list[str]:
         if cell.provenance:
             groups[cell.scene, cell.seed].append(_made_by(cell.provenance, cell.method))
     made = [versions for group in groups.values() for versions in group]
-    apart = _unlike(made)
-    if not apart:
+    differing = _unlike(made)
+    if not differing:
         return []
-    counted = {name: Counter(versions[name] for versions in made if name in versions) for name in apart}
+    counted = {name: Counter(versions[name] for versions in made if name in versions) for name in differing}
     what = "; ".join(
         f"{name} {', '.join(f'{value} ({count} cells)' for value, count in values.items())}"
         for name, values in counted.items()
@@ -78,8 +78,8 @@ def stale_cells(cells: Sequence[CellRecord], here: JsonObject, out: Path) -> str
     unlike: dict[str, list[str]] = defaultdict(list)
     for cell in cells:
         before, now = (_made_by(origin, cell.method) for origin in (cell.provenance, here))
-        if cell.provenance and (apart := _unlike([before, now])):
-            words = ", ".join(f"{name} {before[name]} instead of {now[name]}" for name in apart)
+        if cell.provenance and (differing := _unlike([before, now])):
+            words = ", ".join(f"{name} {before[name]} instead of {now[name]}" for name in differing)
             unlike[words].append(cell_path(out, cell.scene, cell.method, cell.seed).stem)
     if not unlike:
         return None
@@ -105,11 +105,9 @@ def _made_by(origin: JsonObject, method: str) -> dict[str, str]:
 
 
 def _unlike(made: list[dict[str, str]]) -> list[str]:
-    """Return the names with more than one value; not the commit if all sources are known and equal, as it may have
-    changed only other files.
-    """
+    """Return the names with several values, without the commit if all sources are known and equal."""
     names = dict.fromkeys(name for versions in made for name in versions)
-    apart = [name for name in names if len({versions[name] for versions in made if name in versions}) > 1]
-    if "sources" not in apart and all("sources" in versions for versions in made):
-        return [name for name in apart if name != "commit"]
-    return apart
+    differing = [name for name in names if len({versions[name] for versions in made if name in versions}) > 1]
+    if "sources" not in differing and all("sources" in versions for versions in made):
+        return [name for name in differing if name != "commit"]
+    return differing

@@ -1,4 +1,4 @@
-"""The peak of memory, of this process and of its GPU, so far."""
+"""The peak memory of this process and of its GPU so far."""
 
 import re
 import resource
@@ -12,9 +12,8 @@ STATUS = Path("/proc/self/status")
 
 
 def peak_bytes(status: Path = STATUS) -> int:
-    """Return the peak resident memory so far.
-
-    `getrusage` (bytes on macOS, kibibytes on Linux) is only the fallback: it may report the parent process's peak.
+    """Return the peak resident memory so far. `getrusage` (bytes on macOS, kibibytes on Linux) is only the fallback: it
+    may report the parent process's peak.
     """
     with suppress(OSError):
         if peak := re.search(r"VmHWM:\s+(\d+) kB", status.read_text(encoding="utf-8")):

@@ -1,7 +1,4 @@
-"""The origin of a record: the sources and their lines, packages, processor, commit.
-
-The cells of a node belong to a run only if its sources and packages are those of the driver.
-"""
+"""The origin of a record: the sources and their lines, packages, processor, commit."""
 
 import ast
 import hashlib
@@ -150,9 +147,8 @@ def code_here() -> JsonObject:
 
 
 def committed(folder: Path = BASELINES) -> str:
-    """Return the commit of the checkout that holds `folder`.
-
-    Raises `InputError` if a file outside `RENEWED` was changed since, or without git or a commit.
+    """Return the commit of the checkout that holds `folder`. Raises `InputError` if a file outside `RENEWED` was
+    changed since, or without git or a commit.
     """
 
     def git(*words: str) -> str:
@@ -171,7 +167,6 @@ def committed(folder: Path = BASELINES) -> str:
 
 @cache
 def processor() -> str:
-    """Return the processor's model name."""
     with suppress(OSError):
         for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
             if line.startswith("model name"):

@@ -28,9 +28,8 @@ def told_when_stopped(kept: Callable[[], str]) -> Iterator[None]:
 
 
 def in_workers(calls: Sequence[Callable[[], Result]], workers: int) -> Iterator[Result]:
-    """Yield the results of `calls` in order, from fresh single-threaded processes that end with this one.
-
-    Raises the exception of a call, and `BrokenProcessPool` if its process dies.
+    """Yield the results of `calls` in order, from fresh single-threaded processes that end with this one. Raises the
+    exception of a call, and `BrokenProcessPool` if its process dies.
     """
     from concurrent.futures import ProcessPoolExecutor
 
@@ -63,9 +62,7 @@ def _begin_worker() -> None:
 
 
 def end_with_parent() -> None:
-    """End this worker with its parent, and leave Ctrl-C to the parent. Without a parent it must end at once, as another
-    process may own the folder by then.
-    """
+    """End this worker as soon as its parent ends, as another process may then own the folder; ignore Ctrl-C."""
     from multiprocessing.connection import wait
 
     for number in SIGNALS:

@@ -12,10 +12,8 @@ T = TypeVar("T")
 
 
 class Stopwatch:
-    """A stopwatch that waits for launched work before each reading.
-
-    It counts wall `seconds` and `core_seconds`: the processor time of all threads of this process, system calls and
-    threads that spin included. On a GPU `core_seconds` are those of the host.
+    """A stopwatch of wall `seconds` and `core_seconds`, which waits for launched work before each reading. Core seconds
+    are the processor time of all threads of this process, spinning included; on a GPU those of the host.
     """
 
     def __init__(

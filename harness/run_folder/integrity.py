@@ -37,17 +37,13 @@ Say = Callable[[str], None]
 
 
 def sweep(out: Path) -> int:
-    """Remove incomplete files and abandoned scratch folders of killed processes; returns their number.
-
-    The caller holds the folder's lock, so that no other process is writing those files.
-    """
+    """Remove incomplete files and scratch folders of killed processes; return their number. The folder is locked."""
     return sum(remove_leftovers(out / folder) for folder in (".", *FOLDERS)) + remove_abandoned(out)
 
 
 def repair(out: Path, plan: Plan, say: Say) -> None:
-    """Repair the folder, so that it holds only valid files; reports each fault and its remedy.
-
-    Raises `OSError` if a file cannot be moved, and `InputError` if OUT/damaged is a file.
+    """Repair the folder, so that it holds only valid files; reports each fault and its remedy. Raises `OSError` if a
+    file cannot be moved, and `InputError` if OUT/damaged is a file.
     """
     for folder in FOLDERS:
         if (out / folder).exists() and not (out / folder).is_dir():
@@ -55,7 +51,7 @@ def repair(out: Path, plan: Plan, say: Say) -> None:
             quarantine(out, folder)
     sweep(out)
     cells = files = 0
-    for scene, method, seed in plan.cells():
+    for scene, method, seed in (*plan.cells(), *plan.guest_cells()):
         path = cell_path(out, scene, method, seed)
         names = [checkpoint_name(scene, method, seed), f"records/pictures/{scene}.{method}.{seed}.safetensors"]
         cell, wrong = _cell_fault(out, path, (scene, method, seed), names)
@@ -143,9 +139,7 @@ def _cell_fault(
 
 
 def _other_faults(out: Path, plan: Plan) -> Iterator[tuple[str, str]]:
-    """Yield each other damaged file, and its fault with the remedy. A missing picture is a fault, other missing files
-    are not.
-    """
+    """Yield each other damaged file, and its fault with the remedy; of missing files only pictures are faults."""
     started = {scene for scene, method, seed in plan.cells() if cell_path(out, scene, method, seed).exists()}
     for scene in plan.scenes:
         name = f"records/{truth_pictures(scene)}"

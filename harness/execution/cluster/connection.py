@@ -40,7 +40,7 @@ class NodeAnswer(TypedDict):
     processor: str
     bfloat16: bool
     cores: list[tuple[int, ...]]
-    """The cores, each as the numbers of its hardware threads."""
+    """The numbers of the hardware threads of each core."""
     machine: str
 
 
@@ -50,12 +50,11 @@ class Hardware:
 
     gpus: int
     cores: int
-    """The number of schedulable cores, which the nodes offer to Ray."""
+    """The number of cores that the nodes offer to Ray."""
     bfloat16: bool
     """Whether every node that can run a cell multiplies bfloat16."""
     nodes: int
     processors: tuple[str, ...]
-    """The kinds of processors."""
     crowded: tuple[str, ...]
     """A line per machine that offers more cores than it has: cells that share a core slow each other's clocks."""
 
@@ -65,10 +64,8 @@ class Hardware:
 
 
 def connect(address: str | None) -> None:
-    """Join the cluster at `address`; None means `RAY_ADDRESS`, else a new Ray of one node on this machine, which ends
-    with this process.
-
-    Raises `InputError` without Ray, and if there is no cluster.
+    """Join the cluster at `address`, by default that of `RAY_ADDRESS`, else a new Ray of one node that ends with this
+    process. Raises `InputError` without Ray, and if there is no cluster.
     """
     try:
         import ray
@@ -134,7 +131,7 @@ def _check_head(address: str | None) -> None:
 
 
 def disconnect() -> None:
-    """End what `connect` began, unless the cluster was given up."""
+    """End what `connect` started, unless the cluster was given up."""
     import sys
 
     if not _given_up and (ray := sys.modules.get("ray")) is not None:
@@ -148,10 +145,7 @@ def give_up() -> None:
 
 
 def hardware(threads: int) -> Hardware:
-    """Ask every node; raises `InputError` that names a node with other packages, or a node that runs nothing.
-
-    `threads` is the number of threads of a group, which has to fit on one node.
-    """
+    """Ask each node with `threads` cores. Raises `InputError` without one, for other packages, and for no answer."""
     import ray
     from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
@@ -183,9 +177,7 @@ def hardware(threads: int) -> Hardware:
 
 
 def crowded(offered: Mapping[str, float], answers: list[NodeAnswer]) -> tuple[str, ...]:
-    """Describe machines whose nodes offer more cores to Ray (`offered`) than they reported; the nodes of a machine may
-    be containers with different cores.
-    """
+    """Describe the machines whose nodes, perhaps containers, offer more cores to Ray (`offered`) than they have."""
     own: dict[str, set[tuple[int, ...]]] = defaultdict(set)
     for answer in answers:
         own[answer["machine"]] |= set(answer["cores"])

@@ -10,9 +10,7 @@ from scenes.files.errors import InputError
 LOOK_SECONDS = 2.0
 SILENCE_SAID_SECONDS = 15.0
 LONGEST_SILENCE_SECONDS = 45.0
-"""The longest silence, shorter than Ray's timeout (`gcs_rpc_server_reconnect_timeout_s`, 60): a run waits for a head
-that restarts, and reports the finished cells.
-"""
+"""The longest wait for a head that restarts; Ray's timeout (`gcs_rpc_server_reconnect_timeout_s`) is 60."""
 
 T = TypeVar("T")
 
@@ -27,7 +25,6 @@ class Head(Generic[T]):
         self._left = threading.Event()
         self.is_lost = False
         self.answer: T | None = None
-        """The last answer."""
 
     def __enter__(self) -> "Head[T]":
         threading.Thread(target=self._ask_repeatedly, daemon=True).start()

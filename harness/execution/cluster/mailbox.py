@@ -13,7 +13,7 @@ Key = tuple[str, int]
 
 @dataclass(frozen=True)
 class Message:
-    """An event of an attempt at a group: one of the optional fields is set, and perhaps `files`."""
+    """An event of an attempt at a group: one of the optional fields is set, with or without `files`."""
 
     group: Key
     attempt: int
@@ -24,10 +24,8 @@ class Message:
     cell: CellRecord | None = None
     """A cell that has ended; `files` are its checkpoint and pictures."""
     notice: str | None = None
-    """A note for the user of the run."""
     files: dict[str, bytes] = field(default_factory=dict, repr=False)
-    """Map path inside the output folder → content; without a cell, snapshots of cells in training, which replace former
-    ones."""
+    """Map path inside the output folder → content; without a `cell`, these are snapshots of cells in training."""
 
 
 class Mailbox:
@@ -58,4 +56,4 @@ class Files:
 
 
 Handle = Any
-"""The handle of an actor: Ray gives it no type."""
+"""The handle of an actor, for which Ray has no type."""

@@ -25,24 +25,19 @@ LEAST_SECONDS_BETWEEN = 0.5
 
 @dataclass(frozen=True)
 class GroupOrder:
-    """A group as it is sent to a node."""
+    """A group as it is sent to a node, with the driver's versions and commit, which sent sources do not contain."""
 
     task: GroupTask
     attempt: int
     view_set: Listing
     versions: dict[str, str]
-    """The driver's versions."""
     commit: str
-    """The driver's commit, which sent sources do not know."""
     unfinished: dict[str, bytes] = field(default_factory=dict, repr=False)
-    """Path inside the output folder → content of the snapshots of its cells."""
+    """Map path inside the output folder → content of a snapshot."""
 
 
 def group_on_node(order: GroupOrder, mailbox: Handle, files: Handle) -> str | None:
-    """Train the group of `order` here; return the reason if this node refuses it, else None.
-
-    Raises `OSError` if this node's disk cannot be written.
-    """
+    """Train the group; return why this node refuses it, or None. Raises `OSError` if its disk cannot be written."""
     import ray
 
     from harness.machine.cores import own_cores
@@ -100,9 +95,7 @@ def group_on_node(order: GroupOrder, mailbox: Handle, files: Handle) -> str | No
 
 
 def awaited(reference: object) -> Any:
-    """Wait in another thread for the value of `reference`: while a task's main thread waits, Ray gives the task's cores
-    to the next group, and two clocks would run on one core.
-    """
+    """Wait in another thread for `reference`: Ray lends a task's cores to other groups while its main thread waits."""
     import ray
 
     with ThreadPoolExecutor(1) as waiting:

@@ -9,13 +9,11 @@ from scenes.files.errors import InputError
 LONGEST_WAIT_SECONDS = 300.0
 """The longest wait for a large enough node to join: a cluster that grows by itself takes minutes."""
 IDLE_SECONDS = 60.0
-"""The seconds without a group in training before the reason is reported; a node's first process imports torch
-meanwhile.
-"""
+"""The seconds without a group in training before the reason is reported; a node's first process imports torch."""
 
 
 class Node(TypedDict):
-    """The used part of a node in `ray.nodes()`."""
+    """The part of an entry of `ray.nodes()` that is used here."""
 
     NodeID: str
     Alive: bool
@@ -52,9 +50,7 @@ class Room:
         self._idle_said = False
 
     def look(self, nodes: list[Node], free: Mapping[str, float], in_training: int) -> str | None:
-        """Return a line on a lack of room, from `nodes`, the `free` part of their sum, and the number of groups in
-        training. Raises `InputError` if no node was large enough for too long.
-        """
+        """Return a line on a lack of room. Raises `InputError` if no node was large enough for too long a time."""
         now = self._clock()
         if not any(fits(self._needs, node) for node in nodes):
             if self._lacking_since is None:

@@ -24,9 +24,9 @@ class Listing:
     folder: Path
     """The driver's folder; a node with a shared disk has the same folder."""
     files: dict[str, int]
-    """Map path inside the folder → bytes."""
+    """Map path inside the folder → size in bytes."""
     digest: str
-    """The digest of every path and content."""
+    """The digest of all paths and contents."""
 
 
 def listed(folder: Path) -> Listing:
@@ -56,9 +56,7 @@ def piece(listing: Listing, relative: str, offset: int) -> bytes:
 
 
 def on_this_node(listing: Listing, fetch: Callable[[str, int], bytes]) -> Path:
-    """Return the folder of the view set on this node: the driver's folder if it is shared, else a copy, made once per
-    node.
-
+    """Return this node's folder of the view set: the driver's if the disk is shared, else a copy, made once per node.
     `fetch` returns the piece of a file that begins at an offset. Raises `OSError` if the copy cannot be written, and
     `InputError` if its bytes differ from those listed.
     """
@@ -84,9 +82,8 @@ def on_this_node(listing: Listing, fetch: Callable[[str, int], bytes]) -> Path:
 
 
 def node_folder() -> Path:
-    """Return this user's folder for files sent to a node, in the node's temporary folder (`TMPDIR`).
-
-    Raises `InputError` if another user made it or could change its contents, as code is run from there.
+    """Return this user's folder for files sent to a node, in the node's temporary folder (`TMPDIR`). Raises
+    `InputError` if another user made it or could change its contents, as code is run from there.
     """
     user = os.getuid() if hasattr(os, "getuid") else None
     folder = Path(tempfile.gettempdir()) / f"radiance-verdict-{'node' if user is None else user}"
@@ -100,7 +97,6 @@ def node_folder() -> Path:
 
 
 def _same(folder: Path, listing: Listing) -> bool:
-    """Return whether the files are those listed; sizes are compared first, as that is fast."""
     try:
         if any((folder / relative).stat().st_size != size for relative, size in listing.files.items()):
             return False

@@ -1,4 +1,4 @@
-"""Tiny groups of cells, and the parts of their results that are the same on every executor."""
+"""Tiny groups of cells, and the files of their results that are the same on every executor."""
 
 from pathlib import Path
 from typing import Any
@@ -6,7 +6,6 @@ from typing import Any
 from harness.plan.group_task import GroupTask
 from harness.plan.schedule import Budget
 from harness.plan.settings import ScoreSettings
-from harness.records.cells import CellRecord
 from tests.harness.tiny import TRAIN, VIEWS
 from tests.replacing import replace
 
@@ -17,12 +16,6 @@ SLOW_SCORES = ScoreSettings(checkpoints=2, earliest=0.5, chunk=24, train_views=1
 def tasks(ball_folder: Path, out: Path, seeds: int, score: ScoreSettings, **changes: Any) -> list[GroupTask]:
     task = GroupTask("ball", 0, ("nerf", "qnerf"), TRAIN, score, Budget(24, None), out, ball_folder, VIEWS)
     return [replace(task, seed=seed, **changes) for seed in range(seeds)]
-
-
-def without_place(cell: CellRecord) -> CellRecord:
-    """Return the cell without provenance and clocks."""
-    curve = [replace(point, seconds=0.0, core_seconds=0.0) for point in cell.curve]
-    return replace(cell, train_seconds=0.0, train_core_seconds=0.0, curve=curve, costs={}, provenance={})
 
 
 def files_of(out: Path) -> dict[str, bytes]:

@@ -99,9 +99,7 @@ def test_the_limit_is_that_of_one_view_and_not_of_all(
     assert rendered(tmp_path, limit=1.5)[-1].path == Path("there/mine"), "18 s in all"
 
 
-def test_a_large_view_may_take_longer_and_a_limit_that_is_given_holds(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_large_view_may_take_longer_and_a_given_limit_holds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert usual_limit(VIEWS) == usual_limit(replace(VIEWS, resolution=800, spp_test=256)) == 1800.0
     large = replace(VIEWS, resolution=4000, spp_test=256)
     assert usual_limit(large) == pytest.approx(4 * 1.6 * 4096.0)

@@ -11,15 +11,14 @@ import pytest
 from harness.execution import local_executor
 from harness.execution.group import run_group
 from harness.execution.local_executor import run_locally
-from harness.execution.run_record import scene_record
 from harness.machine.provenance import versions
 from harness.plan.group_task import GroupTask
 from harness.plan.schedule import Budget
 from harness.records.cells import CellRecord, cell_path, read_cell, read_cells
 from harness.training.trainer import Trainer
 from tests.harness import dying_workers
+from tests.harness.cells import without_time
 from tests.harness.execution.on_two_executors import tasks as of_seeds
-from tests.harness.execution.on_two_executors import without_place
 from tests.harness.tiny import BUDGET, SCORE
 from tests.replacing import replace
 
@@ -39,17 +38,13 @@ def test_one_worker_and_two_workers_leave_the_same_records(ball_folder: Path, tm
         stored = list(read_cells(out))
         by_name = sorted(reported, key=lambda cell: (cell.method, cell.seed))
         assert [replace(cell, settings={}) for cell in by_name] == [replace(cell, settings={}) for cell in stored]
-        assert [(cell.method, cell.seed, cell.status) for cell in stored] == [
-            ("nerf", 0, "done"),
-            ("nerf", 1, "done"),
-            ("qnerf", 0, "done"),
-            ("qnerf", 1, "done"),
-        ]
+        expected = [(method, seed, "done") for method in ("nerf", "qnerf") for seed in range(2)]
+        assert [(cell.method, cell.seed, cell.status) for cell in stored] == expected
         for seed in range(2):
             shares = [event.share for event in events if event.task.seed == seed and event.share is not None]
             assert shares == sorted(shares)
             assert shares[-1] == 1.0
-        left.append([without_place(cell) for cell in stored])
+        left.append([without_time(cell) for cell in stored])
     assert left[0] == left[1]
     assert multiprocessing.active_children() == []
 
@@ -76,27 +71,21 @@ def test_what_a_killed_worker_was_at_is_trained_again_one_method_at_a_time(ball_
     assert {event.task.seed for event in seen if event.share == 1.0} == {0, 1}
 
 
-def test_a_group_that_cannot_be_trained_ends_in_error_records(ball_folder: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"view_set": Path("/nowhere")}, "/nowhere: no such folder"),
+        ({"content": "0" * 64}, "/ball: changed since the run began; put it back as it was"),
+    ],
+)
+def test_a_group_that_cannot_be_trained_ends_in_error_records(
+    ball_folder: Path, tmp_path: Path, changes: dict[str, Any], said: str
+) -> None:
     told: list[CellRecord] = []
-    bad = replace(tasks(ball_folder, tmp_path)[0], view_set=tmp_path / "nowhere")
-    run_group(bad, lambda share: None, told.append)
+    run_group(replace(tasks(ball_folder, tmp_path)[0], **changes), lambda share: None, told.append)
     assert [(cell.method, cell.status) for cell in told] == [("nerf", "error"), ("qnerf", "error")]
-    assert "no such folder" in (told[0].reason or "")
+    assert said in (told[0].reason or "")
     assert list(read_cells(tmp_path)) == told
-
-
-def test_a_view_set_that_changed_since_the_run_began_is_not_trained_on(ball_folder: Path, tmp_path: Path) -> None:
-    first = tasks(ball_folder, tmp_path)[0]
-    run_group(replace(first, content="0" * 64), lambda share: None, lambda cell: None)
-    cells = list(read_cells(tmp_path))
-    assert [cell.status for cell in cells] == ["error", "error"]
-    assert cells[0].reason.startswith(f"{ball_folder}: changed since the run began; put it back as it was")
-    content = scene_record(first, []).content
-    assert content is not None
-    for cell in cells:
-        cell_path(tmp_path, cell.scene, cell.method, cell.seed).unlink()
-    run_group(replace(first, content=content), lambda share: None, lambda cell: None)
-    assert [cell.status for cell in read_cells(tmp_path)] == ["done", "done"]
 
 
 def test_an_error_of_ours_is_named_and_leaves_finished_cells_alone(
@@ -112,12 +101,8 @@ def test_an_error_of_ours_is_named_and_leaves_finished_cells_alone(
     monkeypatch.setattr(Trainer, "train_on", broken)
     run_group(tasks(ball_folder, tmp_path, Budget(2, None))[0], lambda share: None, lambda cell: None)
     run_group(tasks(ball_folder, tmp_path, Budget(4, None))[1], lambda share: None, lambda cell: None)
-    assert {(cell.method, cell.seed): cell.status for cell in read_cells(tmp_path)} == {
-        ("nerf", 0): "done",
-        ("qnerf", 0): "done",
-        ("nerf", 1): "done",
-        ("qnerf", 1): "error",
-    }
+    lost = [(cell.method, cell.seed, cell.status) for cell in read_cells(tmp_path) if cell.status != "done"]
+    assert (len(list(read_cells(tmp_path))), lost) == (4, [("qnerf", 1, "error")])
     assert read_cell(cell_path(tmp_path, "ball", "qnerf", 1)).reason == "RuntimeError at step 2: a bug"
 
 
@@ -160,9 +145,7 @@ def test_a_method_that_ends_its_worker_again_is_an_error_and_costs_no_other(
     assert [(event.cell.method, event.cell.reason) for event in events if event.cell is not None] == [("qnerf", died)]
 
 
-def test_a_worker_of_other_sources_trains_nothing(
-    ball_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_worker_of_other_code_is_refused(ball_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(local_executor, "versions", lambda: {**versions(), "this program": "before"})
     events = list(run_locally(tasks(ball_folder, tmp_path), 2))
     cells = [event.cell for event in events if event.cell is not None]

@@ -17,7 +17,8 @@ from harness.execution.submitit_executor import FOLDER, SlurmJob, ask_node, job_
 from harness.machine.provenance import versions
 from harness.records.cells import read_cells
 from scenes.files.errors import InputError
-from tests.harness.execution.on_two_executors import SLOW_SCORES, files_of, tasks, without_place
+from tests.harness.cells import without_time
+from tests.harness.execution.on_two_executors import SLOW_SCORES, files_of, tasks
 from tests.harness.tiny import SCORE
 
 pytestmark = pytest.mark.timeout(900)
@@ -123,7 +124,7 @@ def test_a_killed_job_costs_time_and_changes_no_bit(
 
     list(run_locally(tasks(ball_folder, tmp_path / "here", 1, SLOW_SCORES), 1))
     for mine, theirs in zip(read_cells(tmp_path / "here"), read_cells(tmp_path / "jobs"), strict=True):
-        assert without_place(mine) == without_place(theirs)
+        assert without_time(mine) == without_time(theirs)
         assert theirs.provenance["commit"] == "0123456789ab"
     ours = {name: data for name, data in files_of(tmp_path / "jobs").items() if not name.startswith(f"{FOLDER}/")}
     assert ours == files_of(tmp_path / "here"), "weights and pictures, byte for byte"

@@ -158,9 +158,7 @@ def test_workers_of_a_machine_with_hardware_threads_have_cores_of_their_own(
         ("", {}, None),
     ],
 )
-def test_a_quota_of_processor_time_bounds_the_cores(
-    groups: str, files: dict[str, str], cores: int | None, tmp_path: Path
-) -> None:
+def test_a_time_quota_bounds_the_cores(groups: str, files: dict[str, str], cores: int | None, tmp_path: Path) -> None:
     for name, text in files.items():
         (tmp_path / "cgroup" / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / "cgroup" / name).write_text(text)

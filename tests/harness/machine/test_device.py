@@ -1,5 +1,6 @@
-"""The device of tensors, and the switches that make a run repeatable."""
+"""The device of tensors, the processor's class, and the switches that make a run repeatable and its clock honest."""
 
+import platform
 import subprocess
 import sys
 from pathlib import Path
@@ -8,6 +9,8 @@ import pytest
 import torch
 
 from harness.machine.device import chosen_device, has_amx, keep_freed_memory, multiplies_bfloat16, use_threads
+from harness.machine.processor_class import class_here
+from harness.machine.wait_policy import wait_policy, waits_passively
 from scenes.files.errors import InputError
 from tests.harness.shell import ROOT
 
@@ -15,9 +18,7 @@ from tests.harness.shell import ROOT
 @pytest.mark.parametrize(
     ("name", "there", "kind"), [("auto", True, "cuda"), ("auto", False, "cpu"), ("cpu", True, "cpu")]
 )
-def test_auto_takes_a_gpu_where_there_is_one(
-    name: str, there: bool, kind: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_auto_takes_a_gpu_if_there_is_one(name: str, there: bool, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(torch.cuda, "is_available", lambda: there)
     assert chosen_device(name).type == kind
 
@@ -65,3 +66,37 @@ def test_memory_is_kept_where_the_c_library_can_and_nothing_fails_elsewhere(monk
     keep_freed_memory()
     monkeypatch.setattr("ctypes.CDLL", lambda name: object())
     keep_freed_memory()
+
+
+@pytest.mark.parametrize(
+    ("capability", "machine", "named"),
+    [
+        ("AVX2", "x86_64", "avx2"),
+        ("AVX512", "AMD64", "avx512"),
+        ("NO AVX", "x86_64", "default"),
+        ("DEFAULT", "aarch64", "aarch64_default"),
+    ],
+)
+def test_instructions_name_a_class(capability: str, machine: str, named: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(torch.backends.cpu, "get_cpu_capability", lambda: capability)
+    monkeypatch.setattr(platform, "machine", lambda: machine)
+    assert class_here() == named
+
+
+@pytest.mark.parametrize(
+    ("given", "policy", "passive", "afterwards"),
+    [
+        ({}, "PASSIVE", False, True),
+        ({"OMP_WAIT_POLICY": ""}, "PASSIVE", False, True),
+        ({"OMP_WAIT_POLICY": "passive"}, "passive", True, True),
+        ({"OMP_WAIT_POLICY": "ACTIVE"}, "ACTIVE", False, False),
+        ({"GOMP_SPINCOUNT": "0"}, "PASSIVE", True, True),
+        ({"GOMP_SPINCOUNT": "1000"}, "PASSIVE", False, False),
+    ],
+)
+def test_threads_wait_passively_unless_the_user_says_otherwise(
+    given: dict[str, str], policy: str, passive: bool, afterwards: bool
+) -> None:
+    assert wait_policy(given) == {"OMP_WAIT_POLICY": policy}
+    assert waits_passively(given) is passive
+    assert waits_passively({**given, **wait_policy(given)}) is afterwards

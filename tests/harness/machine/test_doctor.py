@@ -48,12 +48,14 @@ def test_a_probe_that_fails_is_a_finding(probes: dict[str, object], capsys: pyte
 def test_memory_is_the_least_of_machine_and_container(tmp_path: Path) -> None:
     meminfo = tmp_path / "meminfo"
     meminfo.write_text("MemTotal:       4000 kB\nMemFree: 1 kB\n")
-    assert doctor.memory_bytes(tmp_path, meminfo) == 4_096_000
-    (tmp_path / "memory.max").write_text("max")
-    assert doctor.memory_bytes(tmp_path, meminfo) == 4_096_000
-    (tmp_path / "memory.max").write_text("1000000")
-    assert doctor.memory_bytes(tmp_path, meminfo) == 1_000_000
-    assert doctor.memory_bytes(tmp_path / "none", tmp_path / "none") is None
+    groups, job = tmp_path / "own", tmp_path / "slurm" / "job"
+    groups.write_text("0::/slurm/job\n")
+    job.mkdir(parents=True)
+    assert doctor.memory_bytes(tmp_path, groups, meminfo) == 4_096_000
+    for folder, text, least in ((tmp_path, "max", 4_096_000), (job, "2000000", 2_000_000), (tmp_path, "1000000", 1e6)):
+        (folder / "memory.max").write_text(text)
+        assert doctor.memory_bytes(tmp_path, groups, meminfo) == least
+    assert doctor.memory_bytes(tmp_path / "none", groups, tmp_path / "none") is None
 
 
 @pytest.mark.parametrize(

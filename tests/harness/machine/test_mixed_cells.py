@@ -1,9 +1,12 @@
-"""The sentences on runs whose cells were made by different code or packages."""
+"""Runs whose cells were made by different code or packages are told; source lines are counted."""
 
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from harness.machine.mixed_cells import mixed_sources, stale_cells
+from harness.machine.provenance import BASELINES, PARTS, core_module_lines, source_lines
 from harness.records.cells import CellRecord
 from tests.harness import cells
 
@@ -67,3 +70,49 @@ def test_cells_of_other_code_are_named_with_the_remedy() -> None:
         "with the others all the same; to train them again, remove their records in out/records/cells and use "
         "--resume, or name a fresh --out"
     )
+
+
+# source lines
+
+
+MODULE = '''"""A docstring
+over two lines."""
+
+# a comment
+import math  # with a comment behind
+
+
+def f(x):
+    """Told."""
+    y = """not
+    told"""
+
+    return (
+        x,
+        # in between
+        y,
+    )
+'''
+
+
+@pytest.mark.parametrize(
+    ("text", "count"),
+    [
+        (MODULE, 8),  # import, def, y over two lines, return ( x, y, )
+        ("", 0),
+        ("\n\n# only\n", 0),
+        ("x = 1; y = 2\n", 1),
+        ('x = 1\n"""told of x"""\n', 1),
+    ],
+)
+def test_blank_lines_comments_and_docstrings_do_not_count(text: str, count: int) -> None:
+    assert source_lines(text) == count
+
+
+def test_the_core_module_is_counted_by_part_and_no_file_twice():
+    lines = core_module_lines()
+    assert set(lines) == set(PARTS)
+    names = [name for names in PARTS.values() for name in names]
+    assert len(set(names)) == len(names)
+    longest = {part: sum(len((BASELINES / name).read_text().splitlines()) for name in PARTS[part]) for part in PARTS}
+    assert all(0 < lines[part] < longest[part] for part in PARTS)

@@ -17,16 +17,15 @@ from harness.execution.local_executor import run_locally
 from harness.execution.ray_executor import run_on_ray
 from harness.records.cells import read_cells
 from scenes.files.errors import InputError
-from tests.harness.execution.on_two_executors import SLOW_SCORES, files_of, tasks, without_place
+from tests.harness.cells import without_time
+from tests.harness.execution.on_two_executors import SLOW_SCORES, files_of, tasks
 from tests.replacing import replace
 
 pytestmark = pytest.mark.timeout(1800)
 """On a busy machine, Ray's processes and twelve trainings take many minutes."""
 
 
-def test_without_ray_it_is_said_how_to_install_it(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_without_ray_its_remedy_is_said(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setitem(sys.modules, "ray", None)
     assert main(["run", "--profile", "smoke", "--executor", "ray", "--dry-run"]) == 2
     said = capsys.readouterr().err
@@ -126,7 +125,7 @@ def test_a_killed_node_costs_time_and_changes_no_bit(
 
     list(run_locally(tasks(ball_folder, tmp_path / "here", 3, SLOW_SCORES), 1))
     for mine, theirs in zip(read_cells(tmp_path / "here"), read_cells(tmp_path / "ray"), strict=True):
-        assert without_place(mine) == without_place(theirs)
+        assert without_time(mine) == without_time(theirs)
     here = files_of(tmp_path / "here")
     assert files_of(tmp_path / "ray") == here, "weights and pictures, byte for byte"
     assert {Path(name).parts[0] for name in here} == {"checkpoints", "records"}

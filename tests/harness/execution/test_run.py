@@ -1,0 +1,89 @@
+"""What a run does besides its cells: it decodes images of the user once, and trains a guest."""
+
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.command.plan_options import planned
+from harness.execution.progress import Quiet
+from harness.execution.run import run
+from harness.plan.run_plan import Machine
+from harness.plan.schedule import Budget
+from harness.records.cells import cell_path, empty_cell, read_cell, read_comparisons, read_run, write_cell
+from harness.run_folder.integrity import repair
+from scenes.view_sets import view_set
+from scenes.view_sets.formats.foreign import source_of
+from scenes.view_sets.images import write_png
+from scenes.view_sets.source import Source
+from scenes.view_sets.view_set import read_view_set
+from tests.harness.ball import write_ball
+from tests.harness.tiny import SCORE, TRAIN, VIEWS
+from tests.harness.trained_runs import in_this_process, train_run
+
+
+@pytest.fixture
+def decoded(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
+    """The number of times that each image is decoded."""
+    times: Counter[str] = Counter()
+
+    def counted(folder: Path) -> Source:
+        source = source_of(folder)
+
+        def pixels(file: Path, width: int | None) -> np.ndarray:
+            times[str(file)] += 1
+            return source.pixels(file, width)
+
+        return replace(source, pixels=pixels)
+
+    monkeypatch.setattr(view_set, "source_of", counted)
+    return times
+
+
+def test_a_run_decodes_each_image_once(tmp_path: Path, decoded: Counter[str]) -> None:
+    out = train_run(tmp_path, ["nerf"], steps=2)
+    assert (len(decoded), set(decoded.values())) == (8, {1})
+    assert [file.name for file in out.iterdir() if file.name.startswith(".scratch")] == []
+
+
+def test_an_image_that_changed_is_decoded_again(tmp_path: Path, decoded: Counter[str]) -> None:
+    ball, kept = write_ball(tmp_path / "ball", size=16, train=3, test=1), tmp_path / "kept"
+    kept.mkdir()
+    first = read_view_set(ball, 8, decoded=kept)
+    again = read_view_set(ball, 8, decoded=kept)
+    assert first.content == again.content
+    before = decoded.total()
+    write_png(ball / "train" / "r_0.png", np.zeros((16, 16, 4), dtype=np.float32))
+    changed = read_view_set(ball, 8, decoded=kept)
+    assert decoded.total() == before + 1
+    assert changed.content != first.content
+    assert not changed.train.rgba[0].any()
+    assert read_view_set(ball, 8, decoded=tmp_path / "none").content == changed.content, "a node without the folder"
+
+
+def test_a_guest_is_trained_for_the_core_seconds_of_nerf_after_the_others_and_once(
+    ball_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("harness.execution.run.run_locally", in_this_process)
+    plan, machine = planned("smoke", view_set=[ball_folder], methods=["nerf"], seeds=2), Machine("cpu", 1, 1)
+    plan = replace(plan, budget=Budget(20, None), train=TRAIN, score=SCORE, views=VIEWS, guest="nerf_matched")
+    assert run(plan, tmp_path, tmp_path / "sets", machine, "command", Quiet()) == 0
+    ours, theirs = (read_cell(cell_path(tmp_path, "ball", name, 0)) for name in ("nerf", "nerf_matched"))
+    assert theirs.status == "done"
+    assert theirs.settings["budget"]["core_seconds"] == ours.train_core_seconds
+    assert not cell_path(tmp_path, "ball", "nerf_matched", 1).exists()
+    assert read_run(tmp_path).guests == ["nerf_matched"]
+    assert read_run(tmp_path).main_methods == ["nerf"]
+    assert read_comparisons(tmp_path) == []
+    guest = cell_path(tmp_path, "ball", "nerf_matched", 0)
+    before = guest.read_bytes()
+    assert run(plan, tmp_path, tmp_path / "sets", machine, "command", Quiet()) == 0
+    assert guest.read_bytes() == before
+    write_cell(tmp_path, empty_cell("ball", "nerf_matched", 0, "error", "no memory"))
+    assert run(plan, tmp_path, tmp_path / "sets", machine, "command", Quiet()) == 0
+    assert read_cell(guest).status == "done", "what failed is tried again"
+    guest.write_text("{", encoding="utf-8")
+    repair(tmp_path, plan, lambda line: None)
+    assert not guest.exists(), "what is damaged is trained again"
