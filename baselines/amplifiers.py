@@ -1,9 +1,8 @@
 """The part between the network's density output and the density that is rendered.
 
-`AMPLIFIERS` names the readings. Each is a small module, with learnable scalars or without. They return density in the
-unit of `baselines.composition.Parts.density_unit`, by which the field multiplies. Each is made with a start: the
-density of a fresh field in that unit, reached by a shift of the raw output. With None nothing is shifted, as the paper
-prints it.
+`AMPLIFIERS` names the readings. They return density in the unit of `baselines.composition.Parts.density_unit`, by which
+the field multiplies. Each is made with a start: the density of a fresh field in that unit, reached by a shift of the
+raw output. With None nothing is shifted, as the paper prints it.
 """
 
 from abc import ABC, abstractmethod
@@ -27,8 +26,6 @@ from baselines.numerics.encoding import PHI
 
 
 class Amplifier(nn.Module, ABC):
-    """The interface of every reading."""
-
     bounded: bool
     """Whether its output stays within [0, 1]."""
     pointwise: bool
@@ -52,7 +49,6 @@ class ActivatedAmplifier(Amplifier):
         self.shift = 0.0 if start is None else shift(start)
 
     def quantity(self, raw: Float[Tensor, " points"]) -> Tensor:
-        """Return the quantity [points] that is amplified."""
         return torch.sigmoid(raw + self.shift) if self.bounded else softplus_density(raw, self.shift)
 
 
@@ -68,9 +64,7 @@ class NoAmplifier(ActivatedAmplifier):
 
 
 class MeanAmplifier(ActivatedAmplifier):
-    """An amplifier with a contrast α about a mean that belongs to the field and that only training steps update. A
-    bounded one also has β, the factor above 0.5.
-    """
+    """A contrast α about a mean of the field that only training steps update; if bounded, also β, applied above 0.5."""
 
     def __init__(self, start: float | None = None) -> None:
         super().__init__(start)
@@ -88,8 +82,7 @@ class CallMeanAmplifier(MeanAmplifier):
     amplifiers.
 
     A pixel then depends on the chunk that it is rendered in. The occupancy grid and the histograms ask for the density
-    of other points, whose mean differs. They get the density about the mean of the last training step, so that they see
-    the field that is rendered.
+    of other points: they get it about the mean of the last training step, as in the rendered field.
     """
 
     pointwise = False
@@ -136,9 +129,7 @@ class Equation4Amplifier(CallMeanAmplifier):
 
 @contextmanager
 def without_effect(amplifiers: Iterable[nn.Module | None]) -> Iterator[None]:
-    """Enclose evaluations in which Eq. 4 changes nothing: α = 1/φ and β = 1. Modules without these scalars stay as they
-    are.
-    """
+    """Enclose evaluations in which Eq. 4 changes nothing: α = 1/φ and β = 1, where a module has these scalars."""
     neutral = {"alpha": 1.0 / PHI, "beta": 1.0}
     before = [
         (scalar, scalar.detach().clone(), value)
@@ -162,9 +153,7 @@ LARGEST_ALPHA = 1e3
 
 
 class HeldMeanAmplifier(MeanAmplifier):
-    """Eq. 4 on NeRF's softplus density, about a running mean over the points that training evaluates: density depends
-    only on the point.
-    """
+    """Eq. 4 on NeRF's softplus density, about a running mean over the points that training evaluates."""
 
     bounded = False
     pointwise = True

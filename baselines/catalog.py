@@ -30,14 +30,11 @@ NETWORK = "harness.training.trainer:Trainer"
 
 @dataclass(frozen=True)
 class Method:
-    """A method that can be trained."""
-
     settings: Any
     """A frozen dataclass of everything that changes its results, except the settings that all methods share: `Parts` of
     `baselines.composition` for a composition of parts, None for a method without settings.
     """
     title: str
-    """A one-line description for the report."""
     trainer: str | Callable[[Any], Any] = NETWORK
     """`harness.training.learner.Job` → its `Learner`; as "module:name" it is imported when the method is trained."""
     make_field: Callable[[FieldSpec], nn.Module] | None = None
@@ -47,9 +44,7 @@ class Method:
     deviations: tuple[str, ...] = ()
     """Sentences that a report states of its training; `{name}` stands for a setting of the method."""
     ladders: Mapping[str, Ladder] = field(default_factory=dict)
-    """Additional encodings that `settings` names; `amplifiers`, `skips`, `activations` and `losses` likewise. They have
-    the form of the tables `LADDERS`, `AMPLIFIERS`, `SKIPS`, `ACTIVATIONS` and `LOSSES`, to which they are added.
-    """
+    """Additional encodings that `settings` names, in the form of `LADDERS`; the next four fields likewise."""
     amplifiers: Mapping[str, Callable[[float | None], Amplifier]] = field(default_factory=dict)
     skips: Mapping[str, Callable[[int], int]] = field(default_factory=dict)
     activations: Mapping[str, Callable[[Tensor], Tensor]] = field(default_factory=dict)
@@ -65,7 +60,6 @@ class Method:
         return self.trainer == NETWORK
 
     def deviations_with(self, own: Any) -> list[str]:
-        """Return the sentences that a report states of a training with these settings."""
         values = {} if own is None else asdict(own)
         texts = [text.format_map(values) for text in self.deviations]
         if isinstance(own, Parts) and own.own_training:

@@ -13,8 +13,7 @@ from baselines.numerics.encoding import PHI, matched_bands
 
 DENSITY_SCALE = 25.0
 """The unit of density of methods whose unit is not searched (`baselines.methods.chosen`), per half of the longest side
-of the box: ordinary weights reach a solid surface. Alpha Invariance (arXiv 2404.02155) treats how density must scale
-with the unit of length.
+of the box: ordinary weights reach a solid surface (Alpha Invariance, arXiv 2404.02155).
 """
 START = 0.3
 """The density of a fresh field of such a method, per the same length: thin fog, which light passes through."""
@@ -76,7 +75,6 @@ class Parts:
         return self._given("learning_rate", "last_learning_rate", "decay", "warm_up_steps")
 
     def _given(self, *names: str) -> dict[str, Any]:
-        """Return the named settings that are not None."""
         return {name: value for name in names if (value := getattr(self, name)) is not None}
 
     @property
@@ -111,10 +109,8 @@ LADDERS: dict[str, Ladder] = {
     "base1.65": Ladder(1.65),
     "none": Ladder(2.0, lambda bands: 0),
 }
-"""The encodings by name.
-
-base2_matched reaches no further than φ^(L−1), phi_matched as far as 2^(L−1). base1.65 is not the golden ratio and
-reaches about as far as φ. none has only the raw coordinates, for positions and directions.
+"""base2_matched reaches no further than φ^(L−1), phi_matched as far as 2^(L−1). base1.65 is the control of the golden
+ratio: it reaches about as far as φ. none has only the raw coordinates, for positions and directions.
 """
 
 
@@ -126,11 +122,9 @@ SKIPS: dict[str, Callable[[int], int]] = {
 
 
 ACTIVATIONS: dict[str, Callable[[Tensor], Tensor]] = {"relu": relu, "silu": silu, "softplus": softplus}
-"""The functions between two layers of a network by name."""
 
 
 def squared(rendered: Tensor, truth: Tensor) -> Tensor:
-    """Return the mean squared error."""
     return ((rendered - truth) ** 2).mean()
 
 
@@ -144,5 +138,4 @@ LOSSES: dict[str, Callable[[Tensor, Tensor], Tensor]] = {"squared": squared, "ab
 
 
 def skip_layer(skip: str, depth: int) -> int:
-    """Return the index of the layer after which the encoded position enters again."""
     return min(SKIPS[skip](depth), depth - 1)

@@ -30,9 +30,7 @@ class Accelerations:
     hull: bool = True
     """Whether nothing is sampled outside the hull of the training images' silhouettes."""
     hidden: bool = True
-    """Whether training evaluates nothing behind what the grid measured as opaque (not where density depends on the
-    chunk).
-    """
+    """Whether training evaluates nothing behind what the grid measured as opaque (if the density is pointwise)."""
 
     def without(self, names: tuple[str, ...]) -> "Accelerations":
         """Return a copy with `names` switched off. Raises `ValueError` for an unknown name, listing the known names."""
@@ -47,7 +45,6 @@ NO_ACCELERATION = Accelerations(*(False for _ in fields(Accelerations)))
 
 
 UNIT_TOLERANCE = 1e-3
-"""The tolerance by which the length of a direction may differ from 1."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +98,7 @@ def first_not_finite(*tensors: Tensor) -> int | None:
 
 @dataclass(frozen=True)
 class Box:
-    """The axis-aligned box outside of which the scene is known to be empty."""
+    """The axis-aligned box outside which the scene is known to be empty."""
 
     lower: Float[Tensor, " 3"]
     upper: Float[Tensor, " 3"]
@@ -137,8 +134,6 @@ class Samples:
 
 @dataclass(frozen=True)
 class Rendering:
-    """The rendering of a batch of rays."""
-
     colour: Float[Tensor, "rays 3"]
     """The display colour over the background."""
     opacity: Float[Tensor, " rays"]
@@ -170,8 +165,6 @@ DTYPES = {"float32": torch.float32, "bfloat16": torch.bfloat16, "float16": torch
 
 @dataclass(frozen=True)
 class FieldSpec:
-    """The specification of a field that a method makes itself."""
-
     size: NetworkSize
     """The size of the networks that it is compared with."""
     box: Box
@@ -181,7 +174,6 @@ class FieldSpec:
     view_dependent: bool
     """Whether colour may depend on direction; False where the scene looks the same from all sides."""
     own: Any
-    """The method's own settings (`baselines.catalog.Method.settings`)."""
 
 
 Points = Float[Tensor, "points 3"]
@@ -220,8 +212,6 @@ class RadianceField(DensityField, Protocol):
 
 @runtime_checkable
 class LearnedField(DensityField, Protocol):
-    """A learnt density and its components."""
-
     @property
     def density_limit(self) -> float:
         """The density that no point exceeds, in 1 / scene unit; infinite where there is no such limit."""

@@ -1,7 +1,6 @@
 """Encoding → MLP → density and colour: the network of Table 1 with replaceable parts.
 
-Matrix multiplications run in the chosen precision on float32 master weights. Encoding, amplifier and everything after
-them always run in float32.
+Matrix multiplications run in the chosen precision on float32 master weights. All else runs in float32.
 """
 
 import math
@@ -117,9 +116,7 @@ class NetworkField(nn.Module):
 
     @torch.no_grad()
     def dead_units(self) -> dict[str, float]:
-        """Return, for each layer of the density network, the share of units that are 0 at all of `SPREAD_POINTS` points
-        of the box: no gradient reaches these units.
-        """
+        """Return the share of units of each density layer that are 0 at all `SPREAD_POINTS`: they get no gradient."""
         spread = self.box.from_unit(_evenly_spread().to(self.box.lower))
         layers = self._hidden(self._encoded(spread).to(self.dtype))
         return {f"density_net.{index}": float((hidden == 0).all(dim=0).float().mean()) for index, hidden in layers}
@@ -178,9 +175,8 @@ class NetworkField(nn.Module):
 
 
 def field_of(method: Method, spec: FieldSpec, accelerations: Accelerations = EVERY_ACCELERATION) -> Any:
-    """Return a fresh field of a method: a `NetworkField` of the parts in `spec`, or the module that the method makes
-    itself, which has the interface `baselines.contract.TrainableField`. Raises `ValueError` for a method that has
-    neither.
+    """Return a fresh field: a `NetworkField` of the parts in `spec`, or the module that the method makes itself, a
+    `baselines.contract.TrainableField`. Raises `ValueError` for a method that has neither.
     """
     if method.make_field is not None:
         return method.make_field(spec)

@@ -3,8 +3,7 @@
 Autograd keeps a copy of every intermediate and walks over all points once for each operation. Here one block of points
 goes through all layers before the next one, activations are rectified in place, and weight gradients add up in place.
 It computes what `baselines.field` composes from single operations (its oracle in the tests); only the order of sums
-over points differs. The gradient of the position is computed if it is needed: learnt features have one, an encoded
-position has none.
+over points differs. The gradient of the position is computed if learnt features need it.
 """
 
 from collections.abc import Callable
@@ -47,8 +46,7 @@ def evaluate(
     weights: list[Tensor],
 ) -> tuple[Float[Tensor, " points"], Float[Tensor, "points 3"] | None]:
     """Return raw density and colour logits in float32 or better, differentiable once with respect to `weights` and
-    `position`. Without a `view` only the density is computed, without gradient. `ray` is the row of `view` of each
-    point.
+    `position`. Without a `view` only the density is computed, without gradient. `ray`: row of `view` per point.
     """
     count = len(position)
     if layout.dtype.itemsize < 4 and position.device.type == "cpu":
@@ -95,13 +93,9 @@ class _Stage:
 
 @dataclass(frozen=True)
 class _Prepared:
-    """The weights in the precision of the matrix multiplications, split as these need them."""
-
     density: list[_Stage]
     heads: _Stage
-    """The density head and the first colour layer without its direction part in one multiplication; density is column
-    0.
-    """
+    """The density head (column 0) and the first colour layer without its direction part in one multiplication."""
     direction: _Stage
     colour: list[_Stage]
     dtype: torch.dtype
@@ -260,8 +254,6 @@ class _Evaluation(torch.autograd.Function):
 
 
 class _Gradients:
-    """The sums over blocks for all stages."""
-
     def __init__(self, net: _Prepared, rays: int) -> None:
         self.density = [stage.zeros() for stage in net.density]
         self.heads = net.heads.zeros()

@@ -13,7 +13,6 @@ class RunningMean(nn.Module):
 
     value: Tensor
     steps: Tensor
-    """The number of steps that have updated it."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -22,7 +21,6 @@ class RunningMean(nn.Module):
         self._seen: tuple[Tensor, int] | None = None
 
     def begin(self) -> None:
-        """Begin a step, in which `observe` counts."""
         self._seen = (torch.zeros((), dtype=torch.float64, device=self.value.device), 0)
 
     def observe(self, values: Float[Tensor, " points"]) -> None:
@@ -33,9 +31,7 @@ class RunningMean(nn.Module):
 
     @torch.no_grad()
     def update(self, share: float = MEAN_SHARE) -> None:
-        """End the step: move towards the mean of the observed values, the first time all the way, later by a share that
-        falls to `share`.
-        """
+        """End the step: move to the mean of the observed values at first, later by a share that falls to `share`."""
         if self._seen is not None and self._seen[1]:
             moved = torch.clamp(1.0 / (self.steps + 1.0), min=share)
             self.value.lerp_((self._seen[0] / self._seen[1]).to(self.value.dtype), moved)

@@ -17,8 +17,7 @@ HIDDEN = 12.0
 grazes hide what lies behind them, and 7 dB are lost; at 7, 0.2 dB; at 12 no loss was seen.
 """
 MEASURED_AT_ONCE = 1 << 17
-"""The points of a refresh whose features are in memory at a time: complete blocks of the network, so that with one
-thread no bit depends on it.
+"""The points of a refresh that are in memory at a time: complete blocks, so that with one thread no bit depends on it.
 """
 DECAY = 0.6
 """The factor of a cell's remembered density per refresh, so that geometry that vanished is forgotten."""
@@ -57,9 +56,7 @@ class OccupancyGrid:
 
     @torch.no_grad()
     def refresh(self, field: RadianceField, share: float, generator: torch.Generator) -> int:
-        """Measure a random `share` of the cells that are not known to be empty, each at one random point. Return the
-        number of evaluations.
-        """
+        """Measure a random `share` of the cells not known to be empty, each at one random point; return how many."""
         chosen = torch.nonzero(self.within)[:, 0].cpu()
         if share < 1.0:
             chosen = chosen[torch.randperm(len(chosen), generator=generator)[: max(1, int(share * len(chosen)))]]

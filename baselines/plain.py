@@ -69,9 +69,7 @@ class PlainField(nn.Module):
 def plain_render(
     field: PlainField, rays: Rays, samples: int, background: Float[Tensor, " 3"], generator: torch.Generator | None
 ) -> Float[Tensor, "rays 3"]:
-    """Return the colours of `rays` (Eq. 6) with one sample in each of equal bins: random with a generator, else the
-    midpoint.
-    """
+    """Return the colours of `rays` (Eq. 6) with one sample per equal bin: random with a generator, else its middle."""
     o, d = rays.origins, rays.directions
     edges = torch.linspace(rays.near, rays.far, samples + 1, dtype=o.dtype, device=o.device)
     share = torch.full((len(rays), samples), 0.5)

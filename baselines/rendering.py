@@ -1,4 +1,4 @@
-"""Rays through a radiance field: the one renderer of every method.
+"""Rays through a radiance field: the renderer of every method.
 
     entry and exit of the scene's box → bins → points → (occupied ones only) field → quadrature → compositing
 
@@ -30,8 +30,6 @@ SEGMENTS = 4
 
 @dataclass(frozen=True)
 class Sampling:
-    """The number and placement of a ray's points."""
-
     bins: int
     fine_bins: int = 0
     """The number of further fenceposts by importance, used with a second (fine) field."""
@@ -110,8 +108,7 @@ def _march(
 ) -> tuple[Rendering, Edges, Bins]:
     """March once along all rays. Return the rendering, the fenceposts of the bins, and the weight of each bin.
 
-    A bin is evaluated completely or has length 0 where bins share points, so that every point with a weight has a
-    colour.
+    Where bins share points, a bin is evaluated completely or has length 0: every point with a weight has a colour.
     """
     rule = QUADRATURES[sampling.quadrature]
     t, t_edges = rule.place(t_edges, generator)

@@ -97,7 +97,6 @@ class Samples:
 
     origin: JitArray
     direction: JitArray
-    """The directions of the rays."""
     t: JitArray
     delta: JitArray
     """The bin lengths of the points, ray after ray."""
@@ -320,7 +319,6 @@ class Adam:
                 values[name] = type(old)(tensors[f"{kind}.{name}"].cpu().numpy())
 
     def step(self, field: VoxelField, gradients: dict[str, JitArray], rate: float, scale: float) -> None:
-        """Take one step with `gradients` times `scale`."""
         self.steps += 1
         number = field.types.Float
         # opaque, as numbers that change between steps must not be part of the compiled kernel

@@ -1,6 +1,4 @@
-"""Learnt features of points and the small network that maps them to density and colour, as in instant-ngp (Müller et
-al. 2022, arXiv 2201.05989).
-"""
+"""Learnt features of points and the network that maps them to density and colour (instant-ngp, arXiv 2201.05989)."""
 
 import math
 from collections.abc import Iterable

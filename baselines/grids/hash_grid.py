@@ -52,7 +52,7 @@ def encoded(
             entry = (nodes[..., 0] * (size + 1) + nodes[..., 1]) * (size + 1) + nodes[..., 2]
         else:
             factors = torch.tensor(PRIMES, device=x.device)
-            hashed = (nodes * factors) & 0xFFFFFFFF  # as unsigned 32-bit integers multiply
+            hashed = (nodes * factors) & 0xFFFFFFFF  # unsigned 32-bit multiplication
             entry = (hashed[..., 0] ^ hashed[..., 1] ^ hashed[..., 2]) % len(table)
         features.append((weight[..., None] * table[entry]).sum(dim=1))
     return torch.cat(features, dim=-1)

@@ -102,9 +102,7 @@ def _planes_backward(x: np.ndarray, planes: np.ndarray, gradient: np.ndarray, to
 
 
 class Multiplied(torch.autograd.Function):
-    """The features [points, sizes × PLANE_CHANNELS] of points −1 … 1 in planes of several sizes, differentiable once
-    with respect to the planes.
-    """
+    """The features [points, sizes × PLANE_CHANNELS] of points −1 … 1, differentiable once with respect to planes."""
 
     @staticmethod
     def forward(ctx: Any, x: Float[Tensor, "points 3"], *scales: Float[Tensor, "3 _ _ channels"]) -> Tensor:

@@ -1,7 +1,4 @@
-"""Three axis-aligned planes of features at several resolutions, multiplied.
-
-K-Planes (Fridovich-Keil et al. 2023, arXiv 2301.10241) for a static scene, with the hybrid decoder.
-"""
+"""Three axis-aligned planes of features at several resolutions, multiplied: the hybrid K-Planes (arXiv 2301.10241)."""
 
 import torch
 from jaxtyping import Float

@@ -22,21 +22,17 @@ class DensityConstants:
 
     @property
     def fields(self) -> dict[str, Any]:
-        """Return the constants under their names in `baselines.composition.Parts`."""
         return {"density_scale": self.unit, "start": self.start}
 
 
 @cache
 def chosen(profile: str) -> dict[str, DensityConstants]:
-    """Map method → the constants that were chosen at the resolution and budget of a profile; empty for a profile at
-    whose scale nothing was searched.
-    """
+    """Map method → the constants chosen at the scale of a profile; empty if nothing was searched there."""
     choices = json.loads(FILE.read_text(encoding="utf-8")).get(profile, {})
     return {method: DensityConstants(**constants) for method, constants in choices.items()}
 
 
 def parts_of(method: str) -> dict[str, Any]:
-    """Return the fields of `baselines.composition.Parts` that were chosen for a method at the scale of `reduced`."""
     return chosen("reduced")[method].fields
 
 

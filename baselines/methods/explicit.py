@@ -13,8 +13,6 @@ from baselines.numerics.encoding import PHI
 
 @dataclass(frozen=True, kw_only=True)
 class FeatureSettings:
-    """Learnt features of points, and the small network that reads density and colour from them."""
-
     rate: float = 3.0
     """The learning rate of the features relative to that of the weights: a feature is `rate` times the stored value."""
     width: int = 64
@@ -51,9 +49,7 @@ class GaussianSettings:
     """
 
     first: int
-    """The number of Gaussians at the start."""
     most: int
-    """The number of Gaussians at the end."""
     first_opacity: float = 0.1
     degree: int = 2
     """The degree of the spherical harmonics, 0 to 3, where colour depends on the direction."""
@@ -72,7 +68,6 @@ class GaussianSettings:
     betas: tuple[float, float] = (0.8, 0.95)
     epsilon: float = 1e-15
     moved_every: int = 50
-    """The steps between two relocations."""
     moved_until: float = 0.9
     """The share of the budget after which Gaussians stay where they are."""
     growth: float = 0.05
@@ -80,9 +75,7 @@ class GaussianSettings:
     dead: float = 0.005
     """The opacity below which a Gaussian is moved to another one."""
     wander: float = 2000.0
-    """The random step of an almost invisible Gaussian, in units of the position's rate (the paper's 5e5 belongs to a
-    rate per scene unit and the squared scale).
-    """
+    """The random step of almost invisible Gaussians in units of the position's rate (paper: 5e5 per scene unit)."""
     lighter_opacity: float = 1e-3
     """The weight in the loss of the mean opacity, and below of the mean scale: Gaussians that are not needed vanish."""
     lighter_scale: float = 1e-3
@@ -95,15 +88,11 @@ class VoxelSettings:
     halves: tuple[float, float] = (0.1, 0.3)
     """The shares of the budget after which the grid has half of this number, and all of it."""
     bins: int = 192
-    """The number of points along a ray: one and a half per voxel, as their colour and density are nearly linear
-    between centres.
-    """
+    """The number of points along a ray: one and a half per voxel, as the field is nearly linear between centres."""
     rate_factor: float = 20.0
     """The learning rate relative to that of the networks: few rays of a batch meet a voxel."""
     smoothed: int = 8192
-    """The number of voxels per step that are pulled towards their neighbours, with the weight `smoothing` in the
-    loss.
-    """
+    """The voxels per step that are pulled towards their neighbours, with the weight `smoothing` in the loss."""
     smoothing: float = 1e-4
     density_scale: float = DENSITY_SCALE
     """The unit of density, and below the density of a fresh field, per half of the box's longest side."""

@@ -9,14 +9,10 @@ from baselines.methods.chosen import parts_of
 from baselines.methods.nerf import NERF
 
 QNERF = replace(NERF, encoding="phi", amplifier="listing2", skip="phi", **parts_of("qnerf"))
-"""Listings 1, 2 and 3 as printed, in the unit of density that serves them best. Quadrature and sampling are those of
-every method; see QNERF_LISTING4.
-"""
+"""Listings 1, 2 and 3 as printed, in the unit of density that serves them best; quadrature and sampling as usual."""
 
 QNERF_PRINTED = replace(QNERF, density_scale=1.0, density_per="scene")
-"""Q-NeRF whose density is the [0, 1] of Listing 2, at most 1 per scene unit: its result depends on the unit of length
-in which the poses are written.
-"""
+"""Q-NeRF with the density [0, 1] of Listing 2 per scene unit: the unit of length of the poses changes its result."""
 
 QNERF_SHIFTED = replace(QNERF, **parts_of("qnerf_shifted"))
 """Listing 2 with a shift before its sigmoid, so that a fresh field is fog, as NeRF's is."""

@@ -2,7 +2,7 @@
 contrast. In each, density is a function of the point, independent of the rest of the chunk.
 
 `python -m harness study constants` compares them on validation views, each with its best unit of density and start;
-`REPAIRED` is the one that it chose.
+it chose `REPAIRED`.
 """
 
 from dataclasses import replace

@@ -1,9 +1,7 @@
-"""The activations and amplifiers from the network's raw density output to density σ >= 0: the plain activation and the
-paper's two amplifiers.
+"""From the network's raw density output to density σ >= 0: the plain activation and the paper's two amplifiers.
 
 The paper prints two different operators (Eq. 4 and Listing 2). Both take a mean over "the densities". The caller
-decides which densities these are, so that the mean is an argument. A mean over the points of a chunk makes a pixel
-depend on the chunk that it is rendered in.
+decides which densities these are, so that the mean is an argument.
 """
 
 import math
@@ -16,10 +14,7 @@ from baselines.numerics.encoding import PHI
 
 
 def softplus_shift(start: float) -> float:
-    """Return the shift before softplus that maps 0 to the density `start`: log(exp(start) − 1).
-
-    Raises `ValueError` for a start that is not above 0.
-    """
+    """Return the shift before softplus that maps 0 to `start`. Raises `ValueError` unless `start` is above 0."""
     if not start > 0.0:
         raise ValueError(f"a start of {start}: the density of a fresh field must be above 0")
     return start + math.log(-math.expm1(-start))
@@ -33,9 +28,8 @@ def sigmoid_shift(start: float) -> float:
 
 
 def softplus_density(raw: Float[Tensor, "*points"], bias: float) -> Float[Tensor, "*points"]:
-    """Return log(1 + exp(raw + bias)): positive, unbounded, with a gradient everywhere.
-
-    Raises `TypeError` below float32, as the amplifiers do: half precision ends at 65504 and has 3 digits.
+    """Return log(1 + exp(raw + bias)): positive, unbounded, with a gradient everywhere. Raises `TypeError` below
+    float32: half precision ends at 65504 and has 3 digits.
     """
     _require_float32(raw)
     return torch.nn.functional.softplus(raw + bias)
@@ -54,8 +48,7 @@ def contrast_about(
 ) -> Float[Tensor, "*points"]:
     """Apply Eq. 4 with its gain αφ, summed in the order that at gain 1 leaves every bit as it is.
 
-    `amplify_about_mean` rounds away values that are small compared with the mean; a transmittance of 1e-6 must not be
-    lost.
+    `amplify_about_mean` rounds away values that are small compared with the mean.
     """
     _require_float32(values)
     return gain * values + (1.0 - gain) * mean

@@ -19,9 +19,7 @@ class OptimiserSettings:
 
     name: OptimiserName = "adam"
     betas: tuple[float, float] = (0.9, 0.999)
-    """The decay of the means of gradients and of their squares, per step. Muon has the first as its momentum for
-    matrices, and both for the other weights.
-    """
+    """The decay of the means of gradients and of their squares, per step. The first is Muon's momentum for matrices."""
     renewed_every: int = 10
     """The steps from one renewal of SOAP's bases to the next."""
 
@@ -43,8 +41,6 @@ class Optimiser(Protocol):
 
 
 class TorchOptimisers:
-    """Several optimisers of torch, each for other weights, as one optimiser."""
-
     def __init__(self, *parts: torch.optim.Optimizer) -> None:
         self.parts = parts
 
@@ -88,9 +84,7 @@ def _is_table(weight: nn.Parameter) -> bool:
 
 
 def _muon(weights: list[nn.Parameter], settings: OptimiserSettings) -> Optimiser:
-    """Return Muon for matrices, which are all that it accepts, and Adam for the other weights. Both take steps of about
-    the same size.
-    """
+    """Return Muon, which accepts only matrices, and Adam for the other weights, with steps of about the same size."""
     matrices = [weight for weight in weights if weight.ndim == 2 and not _is_table(weight)]
     others = [weight for weight in weights if weight.ndim != 2 or _is_table(weight)]
     muon = torch.optim.Muon(matrices, momentum=settings.betas[0], weight_decay=0.0, adjust_lr_fn="match_rms_adamw")
@@ -117,7 +111,6 @@ class Together:
 
 
 def _soap(weights: list[nn.Parameter], settings: OptimiserSettings) -> Optimiser:
-    """Return SOAP for the weights of networks, and Adam for tables of features."""
     tables = [weight for weight in weights if _is_table(weight)]
     networks = Soap([weight for weight in weights if not _is_table(weight)], settings.betas, settings.renewed_every)
     return Together(networks=networks, tables=_adam(tables, settings)) if tables else networks

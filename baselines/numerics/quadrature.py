@@ -39,8 +39,7 @@ def bin_lengths(t: PointsOfRays, t_edges: Edges) -> Bins:
 class Rule:
     """A quadrature rule. Its parts may be used separately, without checks; calling the rule checks its input.
 
-    Bin i has the points `stride · i` to `stride · i + stride − 1` and, in a `closed` rule, the next point too, which it
-    shares with the bin behind it.
+    Bin i has the points `stride · i` to `stride · i + stride − 1` and, in a `closed` rule, the first of the next bin.
     """
 
     place: Callable[[Tensor, torch.Generator | None], tuple[Tensor, Tensor]]

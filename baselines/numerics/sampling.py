@@ -35,9 +35,7 @@ def points_in_bins(t_edges: Edges, generator: torch.Generator | None) -> Bins:
 
 
 def jittered_edges(t_edges: Edges, generator: torch.Generator | None) -> Edges:
-    """Move each inner fencepost at random between the middles of its two bins. Without a generator, return `t_edges`.
-    The fenceposts still rise, and the ends stay where they are.
-    """
+    """Move each inner fencepost at random between the middles of its bins; without a generator, return `t_edges`."""
     if generator is None:
         return t_edges
     inner = points_in_bins(points_in_bins(t_edges, None), generator)
@@ -47,9 +45,8 @@ def jittered_edges(t_edges: Edges, generator: torch.Generator | None) -> Edges:
 def inverse_cdf_edges(
     t_edges: Edges, w: Bins, count: int, generator: torch.Generator | None
 ) -> Float[Tensor, "rays count"]:
-    """Return `count` distances in rising order, distributed as the step function with mass `w` in each bin.
-
-    With a generator they are random in their strata, without one at the midpoints. See also `inverse_cdf`.
+    """Return `count` distances in rising order, distributed as the step function with mass `w` in each bin. With a
+    generator they are random in their strata, without one at the midpoints. See also `inverse_cdf`.
     """
     if generator is None:
         u = torch.full((w.shape[0], count), 0.5, dtype=w.dtype, device=w.device)
@@ -62,9 +59,8 @@ def inverse_cdf(t_edges: Edges, w: Bins, u: Float[Tensor, "rays count"]) -> Floa
     """Return the distances below which the shares `u`, 0 to 1, of all mass lie. They stay within the ray and rise as
     `u` does.
 
-    A ray without any weight is sampled uniformly. No gradient reaches `w` or `u`, as the choice of points is not part
-    of the picture. Raises `FloatingPointError` where a weight is not finite, which would spread silently, and
-    `ValueError` where it is negative; both name ray and bin.
+    A ray without any weight is sampled uniformly. No gradient reaches `w` or `u`. Raises `FloatingPointError` where a
+    weight is not finite, which would spread silently, and `ValueError` where it is negative; both name ray and bin.
     """
     w, u = w.detach(), u.detach()
     _require_weights(w)

@@ -43,7 +43,7 @@ class _Side:
         order = torch.argsort(estimates, dim=-1, descending=True, stable=True)
         sorted_basis = torch.gather(self.basis, 2, order[:, None].expand_as(self.basis))
         q, r = torch.linalg.qr(self.factor @ sorted_basis + self._least() * sorted_basis)
-        # a QR decomposition is unique but for signs
+        # a QR decomposition is unique up to signs
         signs = torch.where(torch.diagonal(r, dim1=-2, dim2=-1) < 0, -1.0, 1.0)
         self.basis.copy_(q * signs[:, None])
         return order
@@ -80,7 +80,6 @@ class _Group:
         return _Group(weights, zeros, zeros.clone(), left, right)
 
     def state(self) -> dict[str, Tensor]:
-        """Return the stacks of tensors that a snapshot keeps."""
         sides = {"left": self.left, "right": self.right}
         factors = {f"{name}_factor": side.factor for name, side in sides.items()}
         bases = {f"{name}_basis": side.basis for name, side in sides.items()}
@@ -113,8 +112,7 @@ class _Group:
 class Soap:
     """SOAP over the weights of a method, whose gradients are in `grad`; a missing gradient counts as zero.
 
-    As in the authors' implementation the first step only begins the factors, and every `renewed_every`-th step ends
-    with a renewal of the bases.
+    As in the authors' implementation the first step only begins the factors.
     """
 
     def __init__(self, weights: Iterable[nn.Parameter], betas: tuple[float, float], renewed_every: int) -> None:

@@ -27,7 +27,6 @@ class WeightAverage:
 
     @torch.no_grad()
     def observe(self) -> None:
-        """Include the weights of another step in the mean."""
         self.observed += 1
         share = 1.0 - (1.0 - 1.0 / self.observed) ** (self.power + 1.0)
         torch._foreach_lerp_(self.means, [weight.detach() for weight in self.weights], share)

@@ -1,1 +1,1 @@
-"""Three-dimensional Gaussians, drawn one after the other instead of being asked along rays."""
+"""Three-dimensional Gaussians, drawn one after the other instead of sampled along rays."""

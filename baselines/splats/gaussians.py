@@ -1,5 +1,4 @@
-"""A scene of 3-D Gaussians with spherical harmonics, as in 3D Gaussian Splatting (Kerbl et al. 2023, arXiv 2308.04079),
-and their projection to a camera.
+"""A scene of 3-D Gaussians with spherical harmonics (3D Gaussian Splatting, arXiv 2308.04079), projected to a camera.
 
 Every Gaussian is widened by part of a pixel of the training views in space, not in the picture (Yu et al. 2024, arXiv
 2311.16493), so that a picture of another size shows the same scene.
@@ -51,9 +50,7 @@ class Pencil:
 
     @staticmethod
     def of(origin: Float[Tensor, " 3"], directions: Float[Tensor, "rays 3"], near: float) -> "Pencil":
-        """Sort the rays, which begin at the distance `near`. Raises `ValueError` if they span half a sphere, as no
-        plane shows them all.
-        """
+        """Sort the rays, which begin at `near`. Raises `ValueError` if they span half a sphere: no plane shows it."""
         forward = normalize(directions.mean(dim=0), dim=0)
         right = torch.zeros(3).index_fill(0, forward.abs().argmin(), 1.0)
         right = normalize(right - (right @ forward) * forward, dim=0)
@@ -113,9 +110,7 @@ class Gaussians:
         return cast("tuple[Tensor, Tensor, int]", Drawn.apply(pencil.cells, eye, values))
 
     def render(self, rays: Rays) -> Rendering:
-        """Render rays of any cameras over white, one camera after the other. Raises `ValueError` where the rays of a
-        camera span half a sphere.
-        """
+        """Render rays of any cameras over white, one camera after the other; errors as in `Pencil.of`."""
         colour, opacity = torch.ones(len(rays), 3), torch.zeros(len(rays))
         depth, drawn = torch.full((len(rays),), rays.far), 0
         for of_camera in _by_camera(rays.origins):

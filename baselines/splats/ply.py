@@ -23,7 +23,6 @@ FIXED = ("x", "y", "z", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_
 DEGREES = {3 * ((degree + 1) ** 2 - 1): degree for degree in range(4)}
 """Number of harmonics above degree 0 → their degree."""
 MOST = 1 << 24
-"""The maximum number of Gaussians of a file."""
 LARGEST = 1e5
 """The largest number, and below the largest standard deviation: a picture of larger ones overflows."""
 LARGEST_LOG_SCALE = math.log(LARGEST)
@@ -64,7 +63,7 @@ def read_ply(file: Path, focal: float) -> Gaussians:
     except OSError:
         raise
     except Exception as error:
-        # trimesh raises whatever its parser trips over
+        # trimesh passes on any error of its parser
         raise ValueError(f"is not a PLY file of points ({type(error).__name__})") from error
     if missing := [name for name in FIXED if name not in names]:
         raise ValueError(f"has no property {missing[0]}, so it holds no Gaussians")

@@ -30,9 +30,7 @@ TERMS = torch.tensor(
 def first_values(
     box: Box, count: int, columns: int, opacity: float, generator: torch.Generator
 ) -> Float[Tensor, "gaussians columns"]:
-    """Return grey balls at random places on the surface of the hull of the silhouettes, or in the box if there is no
-    hull. Their width is such that they fill the surface.
-    """
+    """Return grey balls at random places on the surface of the silhouettes' hull, which they fill, or in the box."""
     sides = (box.upper - box.lower) / box.half_extent
     if box.hull is None or not bool(box.hull.any()):
         unit, spacing = torch.rand(count, 3, generator=generator), float(sides.prod() / count) ** (1 / 3)

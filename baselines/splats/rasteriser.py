@@ -35,7 +35,6 @@ COLUMNS = {"position": 3, "log_scale": 3, "rotation": 4, "opacity": 1, "colour":
 and scale in halves of the box's longest side, a quaternion of any length, the logit of the opacity.
 """
 OPACITY, COLOUR, HARMONICS = 10, 11, 14
-"""The first columns of the opacity, the colour and the harmonics."""
 ONE, HALF, TWO = np.float32(1.0), np.float32(0.5), np.float32(2.0)
 Y0, Y1 = (np.float32(c / math.sqrt(math.pi)) for c in (0.5, math.sqrt(0.75)))
 Y2, Y20 = (np.float32(c * math.sqrt(x / math.pi)) for c, x in ((0.5, 15.0), (0.25, 5.0)))
@@ -43,7 +42,7 @@ Y30, Y31 = (np.float32(c * math.sqrt(x / math.pi)) for c, x in ((0.25, 7.0), (0.
 Y32, Y33 = (np.float32(c * math.sqrt(x / math.pi)) for c, x in ((0.25, 105.0), (0.25, 17.5)))
 """The factors of the real spherical harmonics of degree 0 to 3; a second digit is the order, where they differ."""
 SLANT = np.float32(2.0)
-"""The largest slope x/z and y/z at which the projection is linearised. To first order a Gaussian beside the camera
+"""The largest slope x/z and y/z at which the projection is linearised. To first order a Gaussian next to the camera
 covers the whole picture; the reference implementation limits the slope to 1.3 times that of the picture's edge.
 """
 CLAMP, END, MOST_FAINT = np.float32(MOST_OPAQUE), np.float32(LET_THROUGH), np.float32(1.0 / FAINTEST)
@@ -173,7 +172,6 @@ def _project(values: np.ndarray, order: np.ndarray, eye: Eye, projected: Project
 @njit(inline="always")
 @no_type_check
 def _rotate_back(row: np.ndarray, length: float, v_turn: np.ndarray, v_row: np.ndarray) -> None:
-    """Fill the quaternion of `v_row` with the gradient of `_rotate`."""
     w, x, y, z = row[6] / length, row[7] / length, row[8] / length, row[9] / length
     g = v_turn
     v_quat_w = TWO * (z * (g[1, 0] - g[0, 1]) + y * (g[0, 2] - g[2, 0]) + x * (g[2, 1] - g[1, 2]))

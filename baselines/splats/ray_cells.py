@@ -14,7 +14,6 @@ class RayCells(NamedTuple):
     order: np.ndarray
     """The index of each sorted point before sorting, int [points]."""
     back: np.ndarray
-    """The inverse of `order`."""
     at: np.ndarray
     """The sorted points [2, points]."""
     start: np.ndarray

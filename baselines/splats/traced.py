@@ -21,7 +21,6 @@ from mitsuba.python.ad.integrators.volprim_rf_basic import (  # noqa: E402 — o
 )
 
 MOST_HITS = 128
-"""The maximum number of Gaussians per ray."""
 END = 0.01
 """The transmittance below which a ray ends, as in Mitsuba."""
 TINY = 1e-4
@@ -101,8 +100,7 @@ class Traced:
     ) -> tuple[Tensor, ...]:
         """Return the gradient of the numbers, given that of the `colour` that `trace` returned.
 
-        The loop runs once more along the same path, and computes the light from behind each Gaussian by subtraction;
-        behind the last Gaussian is the background.
+        The loop runs once more along the same path, and computes the light from behind each Gaussian by subtraction.
         """
         for name in NAMES:
             dr.enable_grad(self.parameters[name])

@@ -124,8 +124,8 @@ def bound(host: str, port: int) -> socket.socket:
 
 
 def hosts_of(host: str) -> list[str]:
-    """Return the names under which the page may be requested, so that no other name, which an attacker's server may
-    give this machine (DNS rebinding), is accepted.
+    """Return the names under which the page may be requested; others, which an attacker's server may give this machine
+    (DNS rebinding), are refused.
     """
     names = {"127.0.0.1", "localhost", "[::1]"}
     if host not in LOOPBACK:
@@ -145,7 +145,7 @@ def _has_screen() -> bool:
 
 
 PATH_NAMES = ("orbit", "spiral", "walk", "test")
-"""The names of `harness.playback.camera_paths.PATHS`, and the test views themselves."""
+"""The names of `harness.playback.camera_paths.PATHS`, and the test views."""
 MOST_FRAMES = 10_000
 RENDER: Options = {
     "run": FINISHED_RUN,

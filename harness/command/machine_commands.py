@@ -1,7 +1,7 @@
 """`python -m harness completion SHELL | doctor`.
 
-Shells complete by the name of a program, which for `python -m harness` is python. The completion script therefore
-defines a function (in tcsh an alias) `harness`, which calls `python -m harness`, and completes that.
+Shells complete by the name of a program, which for `python -m harness` is python. So the completion script defines a
+function (in tcsh an alias) `harness` that calls it, and completes that.
 """
 
 import argparse
@@ -64,7 +64,7 @@ def script(shell: str, parser: argparse.ArgumentParser) -> str:
 
 
 def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
-    """Yield the actions of the parser and of its commands, whose `prog` is set to their names."""
+    """Yield the actions of the parser and of its commands; sets the `prog` of each."""
     for action in parser._actions:
         yield action
         if isinstance(action, argparse._SubParsersAction):

@@ -67,7 +67,6 @@ FINISHED_RUN = option(
 
 
 def shared(*names: str) -> Options:
-    """Return options of `SHARED` unchanged."""
     return {name: {} for name in names}
 
 

@@ -77,9 +77,8 @@ Change = Callable[["Plan", Any], "Plan"]
 
 
 def planned(profile: str, **given: Any) -> "Plan":
-    """Return the plan of a profile with the options that are not None; `budget_steps` is `--budget-steps`.
-
-    Raises `InputError` with the option, its value and the known values.
+    """Return the plan of a profile with the options that are not None; `budget_steps` is `--budget-steps`. Raises
+    `InputError` with the option, its value and the known values.
     """
     from harness.plan.names import known_names
     from harness.plan.plugins import require_methods
@@ -153,7 +152,6 @@ def _changes() -> dict[str, Change]:
 
 
 def _with_view_sets(plan: "Plan", view_sets: Sequence[Path]) -> "Plan":
-    """Return the plan for these view sets; raises `InputError` for other paths, and for two sets of the same name."""
     from harness.plan.names import scene_name_of
     from scenes.view_sets.formats.foreign import check_listed
 
@@ -209,7 +207,6 @@ def _with_needs(plan: "Plan", need: list[str], no_need: list[str]) -> "Plan":
 
 
 def planned_by(options: argparse.Namespace, *say: Callable[[str], None]) -> "tuple[Plan, torch.device]":
-    """Return the plan of a command's options, and the device that its cells train on."""
     from scenes.view_sets.source import Region
 
     given = {name.removeprefix("--").replace("-", "_") for name in PLAN_OPTIONS} - {"profile", "device", "view_sets"}

@@ -173,7 +173,7 @@ def run_omissions(options: argparse.Namespace, show: "Progress") -> int:
 
 
 def _folders(options: argparse.Namespace, plan: "Plan", show: "Progress") -> dict[str, Path]:
-    """Return the view sets of `plan`, rendered if they are missing; raises `InputError` if `--out` cannot be a file."""
+    """Return the view sets of `plan`, rendered if missing; raises `InputError` if `--out` cannot be a file."""
     from harness.execution.ground_truth import view_set_folders
     from scenes.files.errors import InputError
 

@@ -1,7 +1,4 @@
-"""`python -m harness study evidence | frontier | stability | speed | serving | conformance | scaling`.
-
-Nothing heavy is imported to show the help.
-"""
+"""`python -m harness study evidence | frontier | stability | speed | serving | conformance | scaling`."""
 
 import argparse
 import sys
@@ -92,8 +89,7 @@ def _measure(
     context_in: "Callable[[Path], StudyContext]",
     afterwards: Callable[[Path], None] | None = None,
 ) -> int:
-    """Measure the studies that `options` name, in a locked folder; returns the exit code. Raises `InputError`.
-
+    """Measure the studies that `options` name, in a locked folder; return the exit code. Raises `InputError`.
     `context_in` makes the context for the folder; `afterwards` is called before the folder is unlocked.
     """
     from harness.run_folder.folder_lock import locked_folder

@@ -32,15 +32,12 @@ from scenes.view_sets.view_set import ViewSet
 
 STEPS = 24
 PIXELS_APART = 37
-"""The stride of the compared pixels of a test view."""
 STREAM = "early"
 SETTINGS = "changed.settings"
 
 
 @dataclass(frozen=True)
 class Precision:
-    """The precision in which the first steps are calculated."""
-
     dtype: torch.dtype
     steps: int
     rendered_after: tuple[int, ...]
@@ -81,7 +78,6 @@ def _limit(gate: Gate) -> Limit:
 
 
 def _deviations(context: GateContext) -> Iterator[tuple[Gate, float | None, str]]:
-    """Yield gates with the deviation of their first steps from the stored ones, and where it is."""
     here, stored = context.first_steps(), context.references.courses
     for gate in gates():
         match gate.name.split("."):

@@ -1,7 +1,7 @@
 """Fairness gates: the comparison itself favours no method.
 
 Two copies of a method under different names must end bit-identical, methods must share the same bits, and the
-comparison must find no difference between cells without one.
+comparison must find no difference between equal cells.
 """
 
 from collections.abc import Callable, Iterator
@@ -60,7 +60,6 @@ def drawn() -> ViewSet:
 
 
 def task_of(methods: tuple[str, ...], seed: int, out: Path) -> GroupTask:
-    """Return a shorter version of the gates' training."""
     train = replace(TRAIN, rays=128, warm_up_steps=5, grid=GridSettings(cells=16, first_step=20, every=5))
     score = ScoreSettings(checkpoints=1, chunk=1024, train_views=1, stored_views=0)
     return GroupTask("drawn", seed, methods, train, score, Budget(COPY_STEPS, None), out)
@@ -98,9 +97,8 @@ def other_batches(methods: tuple[str, ...], views: ViewSet, out: Path) -> int | 
 
 
 def copied(method: str, views: ViewSet, out: Path) -> tuple[int | None, list[CellRecord]]:
-    """Train a method and its copy in lockstep with two seeds, and count the weights and scores that differ.
-
-    Return the number, None if a cell did not end, and the cells.
+    """Train a method and its copy in lockstep with two seeds. Return how many weights and scores differ, None if a cell
+    did not end, and the cells.
     """
     methods = (method, copy_of(method))
     cells: list[CellRecord] = []
@@ -128,7 +126,7 @@ def copy_of(method: str) -> str:
 
 @contextmanager
 def listed(name: str, method: str) -> Iterator[None]:
-    """List `method` in the catalogue under one more name."""
+    """List `method` in the catalogue under a second name."""
     CATALOG[name] = CATALOG[method]
     try:
         yield

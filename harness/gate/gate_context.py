@@ -16,8 +16,6 @@ from scenes.files.errors import InputError
 
 @dataclass(frozen=True)
 class GateContext(StudyContext):
-    """The context of one run of the gates, or of one renewal."""
-
     gates: tuple[Gate, ...]
     limits: LimitsFile
     references: References
@@ -34,7 +32,6 @@ class GateContext(StudyContext):
         return self.limits_file.parent / "images"
 
     def of_kind(self, kind: Kind) -> dict[str, Gate]:
-        """Return the chosen gates of a kind by name."""
         return {gate.name: gate for gate in self.gates if gate.kind == kind}
 
 
@@ -48,8 +45,7 @@ def complete(
 ) -> Callable[[Measure], Callable[[GateContext], Iterator[Finding]]]:
     """Decorate the measurement of a kind so that each chosen gate yields one check: a gate without a measurement fails.
 
-    A program error in one kind fails only its gates. `answer` makes a sentence of the checks, which comes before those
-    of the measurement.
+    A program error in one kind fails only its gates. `answer` makes a sentence of the checks, which comes first.
     """
 
     def decorated(measure: Measure) -> Callable[[GateContext], Iterator[Finding]]:

@@ -52,15 +52,12 @@ RENEWED_LIMITS: dict[Kind, Callable[[GateContext], dict[str, list[float]]]] = {
     "images": images.renew,
     "families": gate_families.renew,
 }
-"""The renewals of limits."""
 
 
 def context_for(
     chosen: tuple[Gate, ...], limits_file: Path, out: Path, view_sets: Path, show: Progress, renewing: bool
 ) -> GateContext:
-    """Return the context of `run` or `renew`; raises `InputError` if stored files cannot be read, and for a renewal by
-    code that is not committed.
-    """
+    """Return the context; raises `InputError` for unreadable stored files, and for a renewal by uncommitted code."""
     references_file = limits_file.parent / REFERENCES_FILE
     if renewing:
         committed()
@@ -121,9 +118,8 @@ def write_junit(file: Path, record: Studies, replay: str) -> None:
 
 
 def renew(context: GateContext) -> int:
-    """Measure the reference values of the chosen gates again and write them; print old → new for limits.
-
-    A kind is renewed completely, so that its limits have one origin.
+    """Measure the reference values of the chosen gates again and write them; print old → new for limits. A kind is
+    renewed completely, so that its limits have one origin.
     """
     use_threads(1)
     keep_freed_memory()

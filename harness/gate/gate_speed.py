@@ -85,7 +85,6 @@ def ratios(names: tuple[str, ...]) -> dict[str, float]:
 def ratio(
     side: Callable[[], object], plain: Callable[[], object], clock: Callable[[], float] = time.perf_counter
 ) -> float:
-    """Return the median quotient of repeated pairs: a disturbance of the machine slows down both."""
     seconds = interleaved({"side": side, "plain": plain}, SPEED_REPEATS, least_seconds=0.02, clock=clock)
     return statistics.median(quotients(seconds["side"], seconds["plain"]))
 
@@ -120,9 +119,8 @@ def sides_of(name: str, views: ViewSet) -> tuple[Callable[[], object], Callable[
 
 
 def others_scores(image: np.ndarray) -> None:
-    """Compute FLIP and CIEDE2000 of an image and its mirror image by the libraries that implement them.
-
-    They take most of a score's seconds, so that the quotient hardly depends on the machine.
+    """Compute FLIP and CIEDE2000 of an image and its mirror image by the libraries that implement them: most of a
+    score's seconds, so that the quotient hardly depends on the machine.
     """
     import colour
     import flip_evaluator

@@ -55,8 +55,6 @@ RENEWAL_PROCESSES = 4
 
 @dataclass(frozen=True)
 class Start:
-    """A training whose first steps are recorded."""
-
     method: str
     fine_bins: int = 0
     stirred: bool = False
@@ -91,12 +89,11 @@ class Gate:
 
     @property
     def is_largest(self) -> bool:
-        """Tell whether its figure is the largest measurement; otherwise it is their mean."""
+        """Return whether its figure is the largest measurement; otherwise it is their mean."""
         return self.name.endswith(".largest")
 
 
 def gates() -> tuple[Gate, ...]:
-    """Return all gates, in the order in which they are shown."""
     table = [Gate("changed.settings", "settings of the profiles that differ from the stored ones")]
     what = "largest relative deviation of the first losses and renders"
     for precision in TOLERANCES:

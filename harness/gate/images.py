@@ -1,4 +1,4 @@
-"""Image gates: renders by Mitsuba, in a process of its own, against the stored mean and variance.
+"""Image gates: renders by Mitsuba, in a separate process, against the stored mean and variance.
 
 Images are `[batches, height, width, 4]`, linear and premultiplied; a batch is one independent render.
 """
@@ -45,7 +45,6 @@ class Reference:
     spp: int
 
     def __post_init__(self) -> None:
-        """Raise `ValueError` for a reference that allows no comparison."""
         if not (np.isfinite(self.mean).all() and np.isfinite(self.variance).all() and (self.variance >= 0).all()):
             raise ValueError("mean or variance is not finite, or a variance is below 0")
         if self.mean.shape != self.variance.shape or not self.mean[..., :3].any():
@@ -86,7 +85,7 @@ def mean_square(renders: np.ndarray, reference: Reference) -> float:
     """
     x = np.asarray(renders, dtype=np.float64)
     z2 = standardised(x.mean(axis=0), reference, len(x)) ** 2
-    # np.minimum passes NaN on, so that one makes the mean NaN
+    # np.minimum passes NaN on, so that a single NaN makes the mean NaN
     return float(np.minimum(z2, LARGEST_SQUARE).mean())
 
 

@@ -32,8 +32,6 @@ DIGITS = 5
 
 
 class Limit(Record, frozen=True):
-    """The limits of one gate: at least `low`, at most `high`."""
-
     low: float | None
     high: float | None
     centre: float | None = None
@@ -71,9 +69,8 @@ def judge(gate: Gate, values: Sequence[float | None], limit: Limit | str, why: s
 
 
 def limit_from(gate: Gate, values: Sequence[float]) -> Limit:
-    """Return the limit from independent measurements, which are not those of the gate.
-
-    Raises `ValueError` for fewer than three, and for a non-finite one.
+    """Return the limit from independent measurements, other than the gate's. Raises `ValueError` for fewer than three,
+    and for a non-finite one.
     """
     sample = np.asarray(values, dtype=np.float64)
     if sample.size < 3 or not np.isfinite(sample).all():
@@ -103,8 +100,6 @@ def _quantile(share: float, freedom: int) -> float:
 
 
 class KindFacts(Record, frozen=True):
-    """The settings and the provenance of the measurement of a kind."""
-
     settings: JsonObject
     provenance: JsonObject
     seconds: float
@@ -122,8 +117,6 @@ def unfit(kind: Kind, kinds: Mapping[Kind, KindFacts]) -> str:
 
 
 class LimitsFile(Record, frozen=True):
-    """The limits in force, and the measurements from which they were made."""
-
     kinds: dict[Kind, KindFacts] = field(default_factory=dict)
     limits: dict[str, Limit] = field(default_factory=dict)
     values: dict[str, list[float]] = field(default_factory=dict)

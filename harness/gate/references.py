@@ -21,8 +21,6 @@ Numbers = Annotated[list[float], Meta(min_length=1)]
 
 
 class Course(Record, frozen=True):
-    """The record of the first steps of one training."""
-
     losses: Numbers
     """The loss before each step."""
     renders: dict[str, Numbers]
@@ -34,26 +32,20 @@ Courses = dict[str, dict[str, Course]]
 
 
 class Quotients(Record, frozen=True):
-    """The speed of one class of processor."""
-
     facts: KindFacts
     gates: dict[str, Numbers]
     """Gate → one quotient per process."""
 
 
 class References(Record, frozen=True):
-    """The references of the gates."""
-
     kinds: dict[Kind, KindFacts] = field(default_factory=dict)
     profiles: dict[str, object] = field(default_factory=dict)
-    """Setting of a profile → its value."""
     courses: Courses = field(default_factory=dict)
     cells: dict[str, dict[str, Numbers]] = field(default_factory=dict)
     """"scene/method/seed" → score → one value for each draw of the rounding, or a single one."""
     statistics: dict[str, Numbers] = field(default_factory=dict)
     """Comparison of the cells above → its difference and the ends of its intervals."""
     speed: dict[str, Quotients] = field(default_factory=dict)
-    """Class of processor → its speed."""
     schema: int = SCHEMA
 
 

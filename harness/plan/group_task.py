@@ -24,15 +24,14 @@ class GroupTask:
     """The folder of `views`; not read if the view set itself is passed to the worker."""
     views: ViewSettings = field(default_factory=ViewSettings)
     decoded: Path | None = None
-    """A folder in which the decoded images of the user are kept for the next group, as long as the run lasts."""
+    """The folder where the user's decoded images are kept for the next group, as long as the run lasts."""
     content: str | None = None
     """The digest of the view set when the run began; None: unchecked."""
     device: str = "cpu"
     threads: int = 1
     keep_every: float = KEPT_EVERY
-    """The seconds between two snapshots of the cells."""
     lpips: Path | None = None
-    """The weights of LPIPS, if there are any."""
+    """The file of the weights of LPIPS, if there is one."""
 
     def settings(self, method: str) -> dict[str, object]:
         """Return the settings of one of its cells, as records hold them."""

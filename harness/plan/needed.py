@@ -37,8 +37,8 @@ def kept(train: TrainSettings, need: tuple[str, ...]) -> TrainSettings:
 
 
 def needs_here(train: TrainSettings, views: "ViewSet") -> Needs:
-    """Return the needs of the view set, and those that follow from its silhouettes when training with `train`. The
-    latter are the same for all methods, and known for every set of images with alpha.
+    """Return the needs of the view set, and those that follow from its silhouettes when training with `train`; the
+    latter are the same for all methods, and known for all images with alpha.
     """
     known = needs_of(views)
     derived: dict[str, tuple[bool, str]] = {}
@@ -61,9 +61,8 @@ def needs_here(train: TrainSettings, views: "ViewSet") -> Needs:
 
 
 def for_scene(train: TrainSettings, views: "ViewSet") -> TrainSettings:
-    """Return `train` with all parts that this scene needs, and without those that it does not need.
-
-    The view direction is not among them: `harness.training.lockstep.needs_view_direction` decides it for a learner.
+    """Return `train` with all parts that this scene needs, and without those that it does not need. The view direction
+    is not among them: `harness.training.lockstep.needs_view_direction` decides it for a learner.
     """
     needs = needs_of(views)
     sampling = tuple(name for name in SAMPLED if _is(needs, name, True))

@@ -42,9 +42,8 @@ _loaded: dict[str, dict[str, str]] = {}
 
 
 def offered() -> dict[str, list[EntryPoint]]:
-    """Map name → the entry points of that name in all installed packages; nothing is imported.
-
-    A package whose entry points cannot be read offers nothing, and does not affect the others.
+    """Map name → the entry points of that name in all installed packages; nothing is imported. A package whose entry
+    points cannot be read offers nothing.
     """
     points: dict[str, list[EntryPoint]] = {}
     for point in _points():
@@ -70,10 +69,8 @@ def method_names() -> list[str]:
 
 
 def require_methods(names: Iterable[str]) -> None:
-    """Load those of `names` that packages offer into the catalogue; other names are ignored.
-
-    Raises `InputError` with package, entry point and reason: for a name that is in the catalogue or offered twice, a
-    package that cannot be imported, and an object that is not a valid method.
+    """Load those of `names` that packages offer into the catalogue; other names are ignored. Raises `InputError` for a
+    name that is in the catalogue or offered twice, a package that cannot be imported, and an invalid method.
     """
     points = offered()
     for name in names:
@@ -82,9 +79,7 @@ def require_methods(names: Iterable[str]) -> None:
 
 
 def method_named(name: str) -> Method:
-    """Return the method of the catalogue, or of the package that offers it, in any process; raises `InputError` as
-    `require_methods` does, and for an unknown name.
-    """
+    """Return a method of the catalogue or of a package. Raises as `require_methods`, and for an unknown name."""
     if name not in CATALOG:
         require_methods([name])
     if name not in CATALOG:
@@ -93,9 +88,7 @@ def method_named(name: str) -> Method:
 
 
 def own_settings(name: str, given: Mapping[str, object]) -> Any:
-    """Return a method's own settings: those given, else those of the catalogue; None if it has none. Raises
-    `InputError` as `method_named` does.
-    """
+    """Return a method's own settings, given or of the catalogue; None if it has none. Raises as `method_named` does."""
     own = given.get(name)
     return method_named(name).settings if own is None else own
 
@@ -215,7 +208,6 @@ def _wrong_with(method: object) -> str | None:
 
 
 def _wrong_in_replaced(parts: Parts) -> str | None:
-    """Return what is wrong with the settings that replace the run's."""
     for name in ("depth", "width"):
         if (size := getattr(parts, name)) is not None and size < 1:
             return f"its {name} {size} is below 1; leave it out for the run's"

@@ -18,7 +18,7 @@ from harness.records.cells import USUAL, Roles
 from harness.records.claims import ClaimFile
 
 APART = ("scenes", "methods", "seeds", "render_limit", "lpips", "guest", "claims", "roles")
-"""The fields of `Plan` that its settings have elsewhere or not at all."""
+"""The fields of `Plan` that `Plan.settings` writes elsewhere or not at all."""
 
 
 @dataclass(frozen=True)
@@ -41,20 +41,15 @@ class Plan:
     score: ScoreSettings
     views: ViewSettings
     view_set: tuple[str, ...] | None = None
-    """The posed images of each scene, in any readable format (`scenes.view_sets.formats.foreign`), instead of
-    rendered scenes.
-    """
+    """The posed images of each scene (`scenes.view_sets.formats.foreign`), in place of rendered scenes."""
     scene_file: str | None = None
     """A user's scene (`scenes.catalog.scene_file`), to be rendered instead of the catalogue's."""
     scene_file_digest: str | None = None
-    """The SHA-256 of its bytes."""
     render_limit: float | None = None
     """The seconds that the scene file, or one of its views, may take; None: the default. No result depends on it."""
     extras: tuple[Extra, ...] = ()
     guest: str | None = None
-    """A method of another family, trained with the first seed for the core seconds of the baseline on each scene, which
-    shows what else they can buy; it is not part of any comparison.
-    """
+    """A method of another family, trained with the first seed for the baseline's core seconds, but not compared."""
     lpips: str | None = None
     """The file of the weights of LPIPS; cells name its digest."""
     claims: tuple[ClaimFile, ...] = ()
@@ -62,10 +57,7 @@ class Plan:
     roles: Roles = USUAL
 
     def groups(self) -> dict[tuple[str, int], tuple[str, ...]]:
-        """Map (scene, seed) → the methods that train in lockstep there: those of the plan, then further methods.
-
-        Seeds are outermost, so that a stopped run has every scene.
-        """
+        """Map (scene, seed) → the methods trained in lockstep. Seeds are outermost: a stopped run has every scene."""
         groups = {}
         for seed, scene in itertools.product(self.seeds, self.scenes):
             further = (extra.methods for extra in self.extras if extra.scene == scene and seed in extra.seeds)
@@ -80,7 +72,7 @@ class Plan:
         return tuple(dict.fromkeys(itertools.chain(self.methods, *(extra.methods for extra in self.extras))))
 
     def tasks(self, view_sets: dict[str, Path], machine: "Machine", out: Path) -> list[GroupTask]:
-        """Return the work of every group, its view set taken from scene → folder."""
+        """Return the work of every group; `view_sets` maps scene → folder."""
         return [
             GroupTask(
                 scene=scene,
@@ -101,7 +93,7 @@ class Plan:
         ]
 
     def in_float32(self) -> "Plan":
-        """Return the plan with matrix multiplications in float32, the rest as it is."""
+        """Return the plan with matrix multiplications in float32."""
         return replace(self, train=replace(self.train, precision="float32"))
 
     def settings(self) -> dict[str, object]:
@@ -135,14 +127,12 @@ class Plan:
         return replace(self, extras=(), guest=None)
 
     def _handed_on(self, methods: Collection[str]) -> dict[str, Any]:
-        """Return the own settings for a worker. Those of packages are left out, as it may lack their classes."""
+        """Return the own settings for a worker, without those of packages, whose classes it may lack."""
         given = OURS | self.train.own.keys()
         return {name: own for name, own in self.own_settings(methods).items() if name in given}
 
     def own_settings(self, methods: Collection[str]) -> dict[str, Any]:
-        """Map method → its own settings, if it has any: those of the plan, else those of the catalogue with the
-        constants of density that were chosen for the profile.
-        """
+        """Map method → its own settings: those of the plan, else the catalogue's with the profile's constants."""
         own = {name: METHODS[name].settings for name in methods if name in METHODS}
         # by settings, as a searched method may have two names in the catalogue
         searched = {METHODS[name].parts: pair for name, pair in chosen(self.profile).items()}

@@ -26,16 +26,12 @@ class GridSettings:
     exploration: float = 0.01
     """The share of the unoccupied points that training evaluates nevertheless."""
     per_pixel: float | None = None
-    """The cells per pixel of the box's longest side in a view, in place of `cells` once a view set is known
-    (`harness.plan.needed.at_scale`).
-    """
+    """The cells per pixel of the box's longest side, which replace `cells` (`harness.plan.needed.at_scale`)."""
 
 
 @dataclass(frozen=True)
 class TrainSettings:
-    """The training settings, by default those of §7.1 of the paper (Adam, 5e-4, 1024 rays) with the original NeRF's
-    sampling.
-    """
+    """The training settings, by default those of §7.1 (Adam, 5e-4, 1024 rays) with the original NeRF's sampling."""
 
     network: NetworkSize = field(default_factory=NetworkSize)
     rays: int = 1024
@@ -45,14 +41,10 @@ class TrainSettings:
     first_bins: int = 64
     """The bins per ray before the occupancy grid is in use."""
     rendered_bins: int | None = None
-    """The bins per ray of pictures; None: those of training. More cost little where the grid leaves most of them out
-    and none has a gradient.
-    """
+    """The bins per ray of pictures; None: those of training. More cost little, as the grid leaves most of them out."""
     fine_bins: int = 128
     covered_share: float = 0.0
-    """The share of a batch's rays that go through covered pixels; the others are drawn from all pixels. The loss then
-    weighs the object more than its background, the same for all methods.
-    """
+    """The share of rays through covered pixels, so that the object weighs more in the loss; the rest are uniform."""
     optimiser: OptimiserSettings = field(default_factory=OptimiserSettings)
     learning_rate: float = 5e-4
     last_learning_rate: float = 5e-5

@@ -13,11 +13,10 @@ CHANNELS = 5
 
 
 class CachedMethod:
-    """The views of a method that were rendered before: the same bits, as read-only arrays, of which `torch.from_numpy`
-    warns and `torch.tensor` makes copies.
+    """The views of a method that were rendered before, bit-identical, as read-only arrays (`torch.tensor` copies them).
 
-    Weights are part of the key. They are hashed once, and again after a training step or a change of torch's switches;
-    no other change of weights is noticed.
+    The key includes the weights, which are hashed once, and again after a training step or a change of torch's
+    switches; no other change of weights is noticed.
     """
 
     def __init__(self, learner: Learner, store: ViewStore, chunk: int) -> None:
@@ -28,9 +27,7 @@ class CachedMethod:
         self._known: tuple[tuple[object, ...], bytes] | None = None
 
     def key(self, camera: Camera, calls: str | None = None) -> str:
-        """Return the key of a view with rays put into chunks as `calls` describes, by default those of
-        `harness.training.scoring.evaluate.render_view`.
-        """
+        """Return the key of a view; `calls` says how rays are put into chunks, by default as `render_view` does."""
         return camera_key(self._method_digest(), camera, calls or self._plain)
 
     def lookup(self, camera: Camera, calls: str | None = None) -> tuple[View, Place] | None:
@@ -50,9 +47,7 @@ class CachedMethod:
 
 
 def picture_of(view: View) -> np.ndarray:
-    """Return colour, opacity and depth as one read-only [height, width, 5]; raises `TypeError` unless all are
-    float32.
-    """
+    """Return colour, opacity and depth as one read-only [height, width, 5]; raises `TypeError` unless float32."""
     parts = [view.colour, view.opacity[..., None], view.depth[..., None]]
     picture = np.concatenate(parts, axis=-1, dtype=np.float32, casting="equiv")
     picture.setflags(write=False)

@@ -1,6 +1,6 @@
 """Camera paths, frame by frame: float64 [frames, 4, 4], OpenGL axes, z up and no roll (`CONVENTIONS.md`).
 
-Every path lies on a sphere about the origin, at which its cameras look, as those of a view set do; angles in radians.
+The cameras lie on a sphere about the origin and look at it, as those of a view set do; angles are in radians.
 """
 
 import math
@@ -21,18 +21,14 @@ KEEP = 0.75
 
 
 def orbit(frames: int, radius: float = RADIUS, elevation: float = ELEVATION) -> np.ndarray:
-    """Make one turn at constant height, in equal steps counterclockwise seen from above.
-
-    The path is closed, so that it can be shown in a loop: the frame after the last would be the first.
-    """
+    """Make one turn at constant height, counterclockwise seen from above, after whose last frame the first follows."""
     turns = QUARTER + 2.0 * math.pi * np.arange(frames) / frames
     return _on_sphere(turns, np.full(frames, float(elevation)), radius)
 
 
 def spiral(frames: int = VIEW_COUNTS["test"], radius: float = RADIUS) -> np.ndarray:
-    """Follow the test spiral of the NeRF synthetic set: two turns while the camera goes down and up again.
-
-    With 200 frames these are the test views of `scenes.view_sets.viewpoints`; otherwise the same curve in equal steps.
+    """Follow the test spiral of the NeRF synthetic set: two turns while the camera goes down and up again. With 200
+    frames these are the test views of `scenes.view_sets.viewpoints`; otherwise the same curve in equal steps.
     """
     count = VIEW_COUNTS["test"]
     k = np.arange(frames) * (count / frames)
@@ -42,9 +38,8 @@ def spiral(frames: int = VIEW_COUNTS["test"], radius: float = RADIUS) -> np.ndar
 
 
 def walk(frames: int, seed: int = 0, radius: float = RADIUS) -> np.ndarray:
-    """Walk at random: one step per frame to the left, right, up or down, mostly in the same direction as before.
-
-    Steps are 6° on a lattice between the lowest and the highest elevation of the spiral, so that a revisited place has
+    """Walk at random: one step per frame to the left, right, up or down, mostly in the same direction as before. Steps
+    are 6° on a lattice between the lowest and the highest elevation of the spiral, so that a revisited place has
     bit-identical poses.
     """
     generator = np.random.default_rng(seed)
@@ -69,7 +64,6 @@ PATHS: dict[str, Callable[..., np.ndarray]] = {"orbit": orbit, "spiral": spiral,
 
 
 def _on_sphere(azimuth: np.ndarray, elevation: np.ndarray, radius: float) -> np.ndarray:
-    """Return the poses; raises `InputError` for a radius that is not positive and finite."""
     if not (math.isfinite(radius) and radius > 0.0):
         raise InputError(f"radius {radius}: must be a positive number of scene units")
     return poses_on_sphere(azimuth, elevation, radius)

@@ -1,7 +1,6 @@
 """Everything that a picture depends on, as one digest.
 
-The paper's key is a hash of only the pose (Listing 5): after more training, or with another lens, it would return the
-wrong picture. Poses that are nearly equal have different keys.
+The paper's key is a hash of only the pose (Listing 5), which would return a wrong picture after more training.
 """
 
 import hashlib
@@ -37,9 +36,7 @@ def method_digest(learner: Learner) -> bytes:
 
 
 def camera_key(method: bytes, camera: Camera, calls: str) -> str:
-    """Return the key of a view, 64 hexadecimal digits, from a `method_digest`, all bits of the camera's numbers, and a
-    description of how rays are put into chunks.
-    """
+    """Return the key of a view, 64 hexadecimal digits; `calls` describes how rays are put into chunks."""
     digest = hashlib.sha256(method)
     digest.update(camera.camera_to_world.tobytes())
     digest.update(struct.pack("<qqddd", camera.width, camera.height, camera.focal, camera.near, camera.far))
@@ -49,9 +46,7 @@ def camera_key(method: bytes, camera: Camera, calls: str) -> str:
 
 def machine(learner: Learner) -> dict[str, object]:
     """Return the facts that determine arithmetic: this program's sources, and the libraries, which choose the order of
-    sums by processor, threads and matmul precision.
-
-    The processor's model counts in addition to the capability that torch reports, as libraries inspect it themselves.
+    sums by processor, threads and matmul precision, and by the processor's model, which they inspect themselves.
     """
     on_gpu = learner.device.type == "cuda"
     return {
@@ -65,8 +60,7 @@ def machine(learner: Learner) -> dict[str, object]:
 
 def switches(on_gpu: bool) -> tuple[int | bool | str, ...]:
     """Return the settings that the process, or for autocast the thread, can change at any time; takes microseconds.
-
-    Precisions are read from each library: torch's common setting raises an error once one of them was set separately.
+    Precisions are read per library: torch's common setting raises an error once one was set separately.
     """
     libraries: Any = torch.backends
     kind = "cuda" if on_gpu else "cpu"

@@ -15,12 +15,10 @@ from harness.training.learner import Learner
 from harness.training.scoring.evaluate import View, pixel_order
 
 Order = Literal["attention", "raster", "spread"]
-"""Regions by decreasing priority (Eq. 7); regions row by row from the top left; or pixels of all regions in a fixed
-random order, in one part per region.
-"""
+"""Regions by decreasing priority (Eq. 7), row by row, or pixels of all in a fixed random order, one part per region."""
 LEAST_RAYS = 1024
-"""The minimum number of rays per chunk: small regions share chunks, as their overhead made chunks of 100 rays six times
-as slow as 2048 on one thread of a processor (reduced profile, 100 × 100 pixels), and those of 1024 rays 1.3 times.
+"""The minimum number of rays per chunk, which small regions share: on one processor thread, chunks of 100 rays were six
+times as slow as 2048, and those of 1024 rays 1.3 times (reduced profile, 100 × 100 pixels).
 """
 NOT_BY_REGIONS = (
     "its density depends on which points share a chunk (a mean over them), so that rendering region after region would "
@@ -52,7 +50,7 @@ class Canvas:
         if start is None:
             start = View(np.ones((*shape, 3), np.float32), np.zeros(shape, np.float32), np.zeros(shape, np.float32))
         self.view = View(start.colour.copy(), start.opacity.copy(), start.depth.copy())
-        """The pixels so far; changes with `put`."""
+        """The pixels so far; `put` changes them."""
 
     def put(self, done: Done) -> None:
         self.view.colour.reshape(-1, 3)[done.pixels] = done.colour
@@ -76,9 +74,9 @@ class CoarseFrame(NamedTuple):
 def coarse(learner: Learner, camera: Camera, stride: int, chunk: int, bins: int | None = None) -> CoarseFrame:
     """Render the middle pixel of each square of `stride` pixels, and fill the square with it.
 
-    These are pixels of the full resolution: those of a pointwise method are already final, to float32 rounding. Chunks
-    hold pixels from the entire view, so a method that is not pointwise sees chunks like those of its training; its
-    picture differs from the final one, as with any other division into chunks. `bins` per ray replaces the learner's.
+    The rendered pixels are those of the full resolution: final for a pointwise method, to float32 rounding. Chunks hold
+    pixels from the entire view, as in training; the picture of another method differs from the final one all the same.
+    `bins` per ray replaces the learner's.
     """
     rows, columns = (
         np.minimum(np.arange(0, size, stride) + (stride - 1) // 2, size - 1) for size in (camera.height, camera.width)
@@ -96,9 +94,7 @@ def coarse(learner: Learner, camera: Camera, stride: int, chunk: int, bins: int 
 
 
 class ErrorEstimate(NamedTuple):
-    """An estimate of the error of the quadrature, and its additional cost: `error` is the root mean square over the
-    channels of the difference of two coarse frames, float64 [height, width].
-    """
+    """The difference of two coarse frames, root mean square over channels, float64 [height, width], and its cost."""
 
     error: np.ndarray
     rays: int
@@ -106,7 +102,7 @@ class ErrorEstimate(NamedTuple):
 
 
 def estimated_error(learner: Learner, camera: Camera, fine: View, stride: int, chunk: int, bins: int) -> ErrorEstimate:
-    """Return the difference between `fine`, the coarse frame with `bins` per ray, and that with half as many."""
+    """Estimate the quadrature's error: `fine`, the coarse frame with `bins` per ray, against one with half of them."""
     rough = coarse(learner, camera, stride, chunk, max(1, bins // 2))
     difference = fine.colour.astype(np.float64) - rough.view.colour.astype(np.float64)
     return ErrorEstimate(np.sqrt((difference**2).mean(axis=-1)), rough.rays, rough.network_evaluations)
@@ -121,13 +117,11 @@ def refine(
     order: Order = "attention",
     least_rays: int = LEAST_RAYS,
 ) -> Iterator[Done]:
-    """Yield every pixel of the view once, in `order`. Only the order by attention uses `attention`.
+    """Yield every pixel of the view once, in `order`; only the order by attention uses `attention`.
 
     There is one `Done` per region; a chunk that holds several small regions yields several. Two cases are bit-identical
     with plain rendering, with one `Done` per chunk of `chunk` rays: equal attention in the order by attention, and a
-    method that is not pointwise in any order (`why_plain`). Otherwise the picture is that of plain rendering to float32
-    rounding.
-
+    method that is not pointwise (`why_plain`). Otherwise the picture is that of plain rendering to float32 rounding.
     Raises `BadAttention` before anything is rendered, and `Diverged`.
     """
     attended = checked(attention, regions.count)
@@ -149,7 +143,7 @@ def _plain(learner: Learner, camera: Camera, chunk: int) -> Iterator[Done]:
 
 
 def _by_parts(learner: Learner, camera: Camera, parts: list[np.ndarray], at_least: int, chunk: int) -> Iterator[Done]:
-    """Yield the pixels of each part, of which `at_least` share a chunk, except in the last one."""
+    """Yield the pixels of each part; at least `at_least` share a chunk, except in the last one."""
     rays, total, done = camera.rays(learner.device), camera.width * camera.height, 0
     for together in _chunks(parts, at_least):
         pixels = np.concatenate(together)

@@ -113,7 +113,7 @@ class FinishedRun:
 
     def trained(self, scene: SceneRecord, method: str, seed: int, device: torch.device) -> TrainedCell:
         """Load a trained cell; raises `InputError` if its training did not end or its checkpoint is damaged, and
-        `NotAvailable` for a method that this machine cannot render.
+        `NotAvailable` if this machine cannot render the method.
         """
         name = f"{scene.name}, {method}, seed {seed}"
         path = cell_path(self.out, scene.name, method, seed)
@@ -153,8 +153,8 @@ class FinishedRun:
         return trained
 
     def view_set(self, scene: SceneRecord, cache: Path = VIEW_SETS) -> Path:
-        """Return the folder of its posed images: the one given with `--view-set`, else one in `cache` or in the folder
-        `view_sets` next to the run. Raises `InputError` if it does not exist any more.
+        """Return the folder of its posed images: that of `--view-set`, else one in `cache` or in the folder `view_sets`
+        next to the run. Raises `InputError` if there is none any more.
         """
         given = self.run.settings.get("view_set")
         if isinstance(given, list):  # one per scene, if there are several
@@ -175,11 +175,10 @@ class FinishedRun:
         geometry: bool = True,
         scratch: Path | None = None,
     ) -> ViewSet:
-        """Read the test views that the run was scored on, at `width` pixels or the run's width, and `train` of the
-        training views, evenly spread; with parts forced in or out as in the run's settings, and depth and normals only
-        with `geometry`. Decoded images go to the folder `scratch`.
-
-        Raises `InputError` for any fault of the view set, and if it is not the one that the methods were trained on.
+        """Read the test views that the run was scored on, at `width` pixels or the run's width, and `train` evenly
+        spread training views; with the parts that the run forced in or out, and with `geometry` depth and normals.
+        Decoded images go to the folder `scratch`. Raises `InputError` for any fault of the view set, and if the run was
+        trained on another.
         """
         path, asked = records_folder(self.out) / "run.json", self.run.settings.get("views", {})
         if missing := sorted({"train", "test"} - set(scene.views)):
@@ -210,8 +209,8 @@ class FinishedRun:
         return with_needs(views, forced.need, forced.no_need)
 
     def view_radius(self, scene: SceneRecord, cache: Path = VIEW_SETS) -> float:
-        """Return the distance of its cameras from the origin, in scene units: that of rendered scenes, or the mean over
-        the training cameras of other view sets. Raises `InputError` if the view set does not exist any more.
+        """Return the distance of its cameras from the origin in scene units, for view sets of other origin the mean
+        over the training cameras. Raises `InputError` if the view set does not exist any more.
         """
         if scene.rendered:
             return RADIUS
@@ -258,9 +257,7 @@ def _require_possible(settings: TrainSettings, own: object, path: Path, checkpoi
 
 
 def from_plain(kind: type[Settings], data: object, path: Path) -> Settings:
-    """Make a frozen dataclass from the JSON of its `asdict`; raises `InputError` with the file if a key is missing or
-    unknown: other settings would render another picture.
-    """
+    """Make a frozen dataclass from the JSON of its `asdict`; raises `InputError` for a missing or unknown key."""
     try:
         settings = msgspec.convert(data, kind)
         known = settings.settings() if isinstance(settings, Budget) else asdict(settings)

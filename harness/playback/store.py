@@ -1,7 +1,6 @@
-"""Rendered views under the digest of everything that a picture depends on (`harness.playback.keys`), in memory and in a
-file of that name.
+"""Rendered views by the digest of all that a picture depends on (`harness.playback.keys`), in memory and in files.
 
-An entry is therefore never out of date; one that was removed or damaged is a miss.
+An entry is therefore never out of date; a removed or damaged one is a miss.
 """
 
 import errno
@@ -31,8 +30,7 @@ Place = Literal["memory", "disk"]
 
 
 class ViewStore:
-    """A least-recently-used store of pictures, float32 [height, width, channels], which come back bit-identical and
-    read-only.
+    """A least-recently-used store of pictures, float32 [height, width, channels], bit-identical and read-only.
 
     `memory_bytes` bounds the pictures in memory, `disk_bytes` the folder `disk`, which each further process may exceed
     by `STEP`. Several processes may share the folder; a store belongs to one thread. Raises `InputError` if the folder
@@ -43,7 +41,7 @@ class ViewStore:
         self, memory_bytes: int = MEMORY_BYTES, disk: Path | None = None, disk_bytes: int = DISK_BYTES
     ) -> None:
         self.failure: str | None = None
-        """Why the last failed write failed; None if none did."""
+        """Why the last failed write failed."""
         self._memory: OrderedDict[str, np.ndarray] = OrderedDict()
         self._memory_bound, self._memory_bytes = memory_bytes, 0
         self._folder, self._bound, self._written = disk, disk_bytes, 0

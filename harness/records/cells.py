@@ -33,7 +33,7 @@ WAITED = 1.3
 
 
 class Estimate(Record, frozen=True):
-    """An estimate of a difference, either on these scenes or on scenes like these."""
+    """An estimate of a difference, on these scenes or on scenes like these."""
 
     interval: tuple[float, float] | None
     """The two-sided 95 % interval of this comparison only; None if there are too few values to know their spread."""
@@ -75,8 +75,7 @@ class Flagged(Record, frozen=True):
 class Comparison(Record, frozen=True):
     """A paired difference `method` − `against` with its interval.
 
-    Over all scenes it is estimated in both senses. The fields that `Estimate` has too are those of scenes like these
-    if several were tried, and of these scenes for a single scene.
+    The fields that `Estimate` has too are those of scenes like these if several were tried, else of these scenes.
     """
 
     scene: str
@@ -179,7 +178,6 @@ class LeftOut(Record, frozen=True):
     difference: float | None
     """Test PSNR without the part minus that with it, in dB (a loss is negative), or the largest change of colour."""
     interval: tuple[float, float] | None
-    """The 95 % interval."""
     name: str = ""
     """The name of the need in `scenes.modelling.needs`."""
     concerns: str = ""
@@ -250,9 +248,8 @@ class CellRecord(Record, frozen=True):
 
     @property
     def wall_per_core_second(self) -> float | None:
-        """Return the wall seconds of training per core second: above 1, it waited for a processor that others used.
-
-        It is None if core seconds were not counted, and on a GPU.
+        """Return the wall seconds of training per core second; above 1, it waited for a processor that others used.
+        None if core seconds were not counted, and on a GPU.
         """
         if not self.train_core_seconds or self.provenance.get("device", "cpu") != "cpu":
             return None
@@ -265,9 +262,7 @@ class CellRecord(Record, frozen=True):
     @property
     def spun(self) -> bool:
         """Tell whether its core seconds exceed its own work, because several threads waited actively for each other on
-        cores that other programs used too (`harness.machine.wait_policy`).
-
-        If nothing else runs, such threads use all of their cores' time. An older record that does not say how its
+        cores that other programs used too (`harness.machine.wait_policy`). An older record that does not say how its
         threads waited counts as active.
         """
         threads: int = self.provenance.get("threads", 1)
@@ -375,7 +370,7 @@ class RunRecord(Record, frozen=True):
 
     @property
     def main_methods(self) -> list[str]:
-        """Return the methods that were planned on every scene; the others explain a result on one scene."""
+        """Return the methods that were planned on every scene."""
         planned = self.settings.get("methods")
         return [name for name in self.methods if not isinstance(planned, list) or name in planned]
 

@@ -1,7 +1,4 @@
-"""Claims about methods as data: statements, printed tables, and the scale at which they hold.
-
-A run's record keeps the claim files whose methods it trained.
-"""
+"""Claims about methods as data: statements, printed tables, and the scale at which they hold."""
 
 from typing import Literal, TypedDict
 
@@ -121,7 +118,7 @@ class ClaimFile(Record, frozen=True, kw_only=True):
     title: str
     source: str = ""
     methods: tuple[str, ...]
-    """The methods of the claims; a run that trains one of them shows the claims."""
+    """The methods of the claims; the claims are shown by each run that trains at least one."""
     claims: tuple[Statement, ...]
     names: dict[str, str] = field(default_factory=dict)
     """Method → its name in the source."""

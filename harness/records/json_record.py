@@ -86,9 +86,7 @@ def digest_of(data: object) -> str:
 
 
 def without_gaps(data: object) -> object:
-    """Return plain data with sorted keys and without empty values, so that a field that a later version adds does not
-    change the digest of an older record.
-    """
+    """Return plain data with sorted keys, without empty values: a later field does not change an older digest."""
     if isinstance(data, dict):
         values = {key: without_gaps(data[key]) for key in sorted(data)}
         return {key: value for key, value in values.items() if value is not None and value not in ({}, [])}

@@ -1,4 +1,4 @@
-"""The table of metrics, which everything that computes, compares or shows scores uses.
+"""The table of metrics, for everything that computes, compares or shows scores.
 
 The name of a metric is also the name of its function in `harness.training.scoring.metrics`, of a field in the records
 of scores, and of a column of the page.

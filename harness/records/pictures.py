@@ -1,7 +1,4 @@
-"""The test views that a run saves: the renders of each cell during training, and their truth.
-
-A file holds tensors and a listing of them, with a digest of both.
-"""
+"""The test views that a run saves: the renders of each cell during training, and their truth."""
 
 import errno
 import hashlib
@@ -158,7 +155,6 @@ def write_truth(path: Path, views: list[Truth], turn: Turn | None = None) -> Non
 
 
 def write_renders(path: Path, renders: list[Render], turn: Turn | None = None) -> None:
-    """Write renders as `write_truth` does."""
     rows = [ListedPicture(view=render.view, step=render.step, parts=list(RENDER)) for render in renders]
     _write(path, "renders", rows, renders, turn)
 

@@ -35,7 +35,7 @@ class ScoreTable(Record, frozen=True):
 
 
 def read_scores(path: Path) -> ScoreTable:
-    """Read a table, empty if there is no file. Raises `DamagedRecord` for any other file."""
+    """Read a table, empty if there is no file; raises `DamagedRecord` for any other file."""
     return read_record(path, ScoreTable, SCHEMA, remedy=REMEDY) if path.exists() else ScoreTable([])
 
 

@@ -83,7 +83,7 @@ class Check(Record, frozen=True, tag="check"):
     owner: Owner = "ours"
     status: Status = "measured"
     spread: tuple[float, float] | None = None
-    """The smallest and largest of the repetitions."""
+    """The smallest and the largest repetition."""
     repeats: int = 1
     id: str = ""
     """A stable dotted name by which others refer to this figure: `training.dense.ratio`."""
@@ -188,7 +188,7 @@ class StudyRecord(Record, frozen=True):
 
     info: StudyInfo
     scale: str = ""
-    """The scale at which it was measured, in one line: scenes, seeds, steps, pixels."""
+    """The scenes, seeds, steps and pixels, in one line."""
     findings: list[Finding] = field(default_factory=list)
     seconds: float = 0.0
 
@@ -285,10 +285,7 @@ def check(
 
 
 def write_studies(path: Path, record: Studies) -> None:
-    """Write `record` as JSON; figures that are not finite become gaps in lines and text in tables.
-
-    Raises `ValueError` if another figure is not finite.
-    """
+    """Write studies. Non-finite figures become gaps in lines and text in tables; elsewhere they raise `ValueError`."""
     data = msgspec.to_builtins(record)
     for finding in (finding for study in data["studies"] for finding in study["findings"]):
         if finding["type"] == "series":

@@ -52,9 +52,8 @@ class ReachCurve(Record, frozen=True):
 class TargetComparison(Record, frozen=True):
     """How much sooner `method` reaches the target than `against`, paired over scenes and seeds.
 
-    The compared quantity is the restricted time min(T, horizon), since times beyond the horizon were not observed.
-    `interval` is that of its saving. For the time to the target itself it gives one or both bounds, `at_least` and
-    `at_most`.
+    The compared quantity is the restricted time min(T, horizon), since times beyond the horizon were not observed;
+    `interval` is that of its saving. The time to the target itself has only bounds, `at_least` and `at_most`.
     """
 
     scene: str
@@ -122,14 +121,11 @@ class TargetsRecord(Record, frozen=True):
 
 
 def write_targets(out: Path, record: TargetsRecord) -> None:
-    """Write the record; raises `ValueError` if a figure is not finite."""
     write_record(records_folder(out) / TARGETS_FILE, record)
 
 
 def read_targets(out: Path, cells: Iterable[CellRecord] = ()) -> TargetsRecord | None:
-    """Read the record; None for an older run. Raises `DamagedRecord` for any other file, and if one of `cells` has
-    changed since.
-    """
+    """Read the record; None for an older run. Raises `DamagedRecord`, also if one of `cells` has changed since."""
     path = records_folder(out) / TARGETS_FILE
     if not path.exists():
         return None

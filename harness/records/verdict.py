@@ -18,7 +18,7 @@ class Verdict(Record, frozen=True):
 
     @property
     def phrase(self) -> str:
-        """Sign and size as they are printed: `above 0, smaller than matters`, `sign open, matters`, …"""
+        """Return sign and size as they are printed: `above 0, smaller than matters`, `sign open, matters`, …"""
         if self == OPEN:
             return "sign and size open"
         sign = "sign open" if self.sign == "open" else self.sign
@@ -26,7 +26,7 @@ class Verdict(Record, frozen=True):
 
     @property
     def turned(self) -> "Verdict":
-        """The verdict on `against` − `method`."""
+        """Return the verdict on `against` − `method`."""
         return Verdict(TURNED[self.sign], self.size)
 
 
@@ -42,9 +42,7 @@ def common(verdicts: Iterable[Verdict]) -> Verdict:
 
 
 def phrase_with(verdict: Verdict, interval: tuple[float, float] | None) -> str:
-    """Return the phrase of a verdict next to its interval: an open verdict whose interval excludes 0 comes from too few
-    seeds.
-    """
+    """Return the phrase; an open verdict whose interval excludes 0 comes from too few seeds."""
     one_sided = interval is not None and (interval[0] > 0 or interval[1] < 0)
     return "too few seeds for a verdict" if verdict == OPEN and one_sided else verdict.phrase
 

@@ -1,7 +1,7 @@
 """A finished cell for TensorBoard: OUT/tensorboard/<scene>/<method>/<seed>, made from its records only.
 
-Times are the cell's training seconds, so that TensorBoard's *Relative* axis is the clock on which methods are compared;
-its *Wall* axis means nothing. A score that a record does not have is left out.
+Times are training seconds, so that TensorBoard's *Relative* axis is the clock on which methods are compared; its *Wall*
+axis means nothing. Missing scores are left out.
 """
 
 import importlib.util
@@ -39,9 +39,7 @@ def board_folder(out: Path, cell: CellRecord) -> Path:
 
 
 def write_board(out: Path, cell: CellRecord) -> Path:
-    """Write the cell, replacing an earlier version atomically; returns its folder. Raises `OSError`, and
-    `DamagedRecord` for pictures that cannot be read.
-    """
+    """Write the cell, atomically; return its folder. Raises `OSError`, and `DamagedRecord` for unreadable pictures."""
     from torch.utils.tensorboard import SummaryWriter
 
     folder = board_folder(out, cell)

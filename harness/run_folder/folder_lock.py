@@ -21,10 +21,8 @@ LEFT_SECONDS = 0.3
 
 @contextmanager
 def locked_folder(out: Path, option: str = "--out") -> Iterator[Lock]:
-    """Hold the lock of a folder, which is created if it is missing; one that was created and stays empty is removed.
-
-    Raises `InputError` with the name of the `option` if another process, which is then named, holds the lock, and if
-    the folder cannot be written.
+    """Hold the lock of a folder, which is created if missing, and then removed if it stays empty. Raises `InputError`
+    with the `option` if another process, which is named, holds the lock, or if the folder cannot be written.
     """
     fresh = False
     with suppress(OSError):  # `lock_folder` refuses an impossible name

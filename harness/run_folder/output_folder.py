@@ -1,4 +1,4 @@
-"""The folder that a run writes to: a fresh or a resumed one, never one that is in use."""
+"""The folder that a run writes to: fresh or resumed, never in use."""
 
 import json
 import shutil
@@ -67,13 +67,12 @@ def resumable_record(
     in_run_folder: bool = False,
     folders: tuple[str, ...] = (),
 ) -> Record | None:
-    """Claim the folder for a measurement whose only record is `file`; returns the record to resume, None for a fresh
-    start.
+    """Claim the folder of a measurement whose only record is `file`; return that record if it is to be resumed.
 
     With `in_run_folder`, OUT may be the folder of a finished run that lacks `file`. With `resume`, a damaged record is
-    reported and moved to OUT/damaged, and the measurement starts afresh; likewise if the record is missing, but one of
-    `folders` or an earlier damaged record shows that OUT belongs to the measurement. Raises `InputError` for a folder
-    that is in use, and with `resume` for one without the record.
+    reported and moved to OUT/damaged, and the measurement starts again; so it does without a record if one of
+    `folders`, or an earlier damaged record, shows that OUT belongs to it. Raises `InputError` for a folder that is in
+    use or, with `resume`, lacks the record.
     """
     path = out / file
     if not resume:
@@ -98,9 +97,7 @@ def resumable_record(
 
 @contextmanager
 def claimed(out: Path, plan: Plan, machine: Machine, resume: bool, say: Callable[[str], None]) -> Iterator[None]:
-    """Lock and claim the folder, and with `resume` repair it. If the context raises `InputError`, the claim is
-    released.
-    """
+    """Lock and claim the folder, and with `resume` repair it; release the claim if the context raises `InputError`."""
     with locked_folder(out) as lock:
         if not lock.is_held:
             say(f"{out}: its file system has no locks; make sure that no other run uses the folder")
@@ -117,8 +114,8 @@ def claimed(out: Path, plan: Plan, machine: Machine, resume: bool, say: Callable
 
 
 def claim(out: Path, plan: Plan, machine: Machine, resume: bool) -> str | None:
-    """Write the plan into the folder. A run is resumed only with the same plan on the same kind of machine. Returns why
-    the plan of a resumed run could not be read; None if it could. Raises `InputError` for any other folder.
+    """Write the plan into the folder; a run is resumed only with the same plan on the same kind of machine. Return why
+    the plan of a resumed run could not be read, else None. Raises `InputError` for any other folder.
     """
     started_with = {**plan.settings(), "machine": machine.settings()}
     path, lost = records_folder(out) / "plan.json", None
@@ -159,9 +156,7 @@ def release(out: Path) -> None:
 
 
 def _same_plan(out: Path, plan: Plan, started_with: dict[str, object]) -> str | None:
-    """Return why the plan of the folder is lost, if the options match its cells; None if it is the same plan. Raises
-    `InputError` for another plan.
-    """
+    """Return why the folder's plan is lost, or None if it is the same. Raises `InputError` for another plan."""
     path = records_folder(out) / "plan.json"
     try:
         before = _load_plan(path)
@@ -201,9 +196,7 @@ def _differences(within: str, before: object, now: object) -> list[str]:
 
 
 def _load_plan(path: Path) -> JsonObject:
-    """Load a plan; raises the errors of `load_record`, and `ValueError` for a key that no plan has, as that of a
-    damaged digest.
-    """
+    """Load a plan; raises `OSError`, and `ValueError` also for a key that no plan has, as in a damaged digest."""
     plan = load_record(path)
     if unknown := sorted(plan.keys() - {"machine", "density_units", *(each.name for each in fields(Plan))}):
         raise ValueError(f"holds {shown(unknown[0])}, which no plan has, so it was damaged")

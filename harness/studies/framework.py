@@ -1,7 +1,6 @@
 """How a question is measured: a catalogue of studies, and the one loop that runs them into `OUT/<shelf>.json`.
 
-A study is a generator of findings and one entry in the catalogue of its shelf. A resumed run skips the studies that are
-already in the file.
+A study is a generator of findings and one entry in the catalogue of its shelf. A resumed run skips those in the file.
 """
 
 import json
@@ -38,7 +37,6 @@ TRAININGS_FOLDER = "studies"
 Found = Finding | str
 """What a study yields; a string becomes an `Answer`."""
 Rows = list[list[str | float | None]]
-"""The rows of a table."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +47,6 @@ class Study:
     seconds: float
     """The estimated duration on two cores."""
     trainings: tuple[str, ...] = ()
-    """The names of the trainings that it reads."""
 
 
 @dataclass(frozen=True)
@@ -96,9 +93,8 @@ class StudyContext(ABC):
 
     out: Path
     view_sets: Path
-    """The cache of rendered view sets."""
     scratch: Path
-    """A folder for temporary files; `run` replaces it by a fresh one that is removed afterwards."""
+    """A folder for temporary files; `run` replaces it with a fresh folder, removed afterwards."""
     quick: bool
     """Whether to use sizes at which no figure means anything, to try out the studies themselves."""
     show: "Progress"
@@ -119,7 +115,6 @@ class StudyContext(ABC):
         """Return all that the figures depend on except the machine, as JSON; records with others are not resumed."""
 
     def within(self, scratch: Path, missing: tuple[str, ...]) -> "StudyContext":
-        """Return the context in which the studies `missing` are measured, one after another."""
         return replace(self, scratch=scratch)
 
     def valid(self, record: Studies, shelf: Shelf, asked: list[str]) -> Studies:
@@ -136,8 +131,7 @@ class StudyContext(ABC):
 def run(shelf: Shelf, asked: list[str], context: StudyContext, resume: bool) -> int:
     """Measure the studies `asked` into OUT; with `resume` only those that are not complete there.
 
-    Returns 0, or 3 if a check of this harness fails. Raises `InputError` before anything is measured if OUT cannot be
-    used.
+    Returns 0, or 3 if a check of this harness fails. Raises `InputError` if OUT cannot be used.
     """
     from harness.machine.device import keep_freed_memory, use_threads
     from harness.machine.stopping import ON, told_when_stopped
@@ -228,7 +222,6 @@ def line_of(check: Check) -> str:
 
 
 def list_lines(shelf: Shelf) -> list[str]:
-    """Return one line per study: its id, duration, title and question."""
     asks = {name: study.info.question or study.info.facts.get("danger", "") for name, study in shelf.studies.items()}
     return [
         f"{name:18} {study.seconds / 60:4.0f} min  " + ": ".join(filter(None, (study.info.title, asks[name])))

@@ -1,6 +1,4 @@
-"""Studies that train: each training is an ordinary run in a folder that several studies share. It is resumed, repaired,
-or trained again where its plan has changed.
-"""
+"""Studies that train: each training is an ordinary run in a shared folder, resumed, repaired or trained again."""
 
 import json
 from abc import abstractmethod
@@ -56,9 +54,8 @@ class TrainedContext(StudyContext):
         return StudyRun(plan, read_run(folder).scenes, list(read_cells(folder)))
 
     def repaired(self, name: str) -> bool:
-        """Repair the folder of a training; return whether the training has to be resumed.
-
-        A folder that is missing or of another plan is not touched: recorded figures were taken while it was valid.
+        """Repair the folder of a training; return whether the training has to be resumed. A folder that is missing or
+        of another plan is not touched: recorded figures were taken while it was valid.
         """
         plan, folder = self.plan(name), folder_of(self.out, name)
         if not folder.exists() or is_of_another_plan(folder, plan):
@@ -111,7 +108,7 @@ def folder_of(out: Path, training: str) -> Path:
 
 
 def lacks_cells(folder: Path, plan: Plan) -> bool:
-    """Tell whether a cell is missing, failed with an error, or was not available, or the run is not finished."""
+    """Return whether a cell is missing, failed with an error, or was not available, or the run is not finished."""
     finished = False
     with suppress(DamagedRecord):
         finished = read_run(folder).finished
@@ -121,7 +118,7 @@ def lacks_cells(folder: Path, plan: Plan) -> bool:
 
 
 def is_of_another_plan(folder: Path, plan: Plan) -> bool:
-    """Tell whether the training is of another plan, by its record, or by its cells if the record is damaged."""
+    """Return whether the training is of another plan, by its record, or by its cells if the record is damaged."""
     with suppress(DamagedRecord):
         return bool(read_run(folder).settings != json.loads(json.dumps(plan.settings())))
     return bool(plan_of_cells(folder, plan))

@@ -1,8 +1,7 @@
 """Pixels → rays of one pinhole camera; (seed, step) → the ray batch that every method gets.
 
 The pixel-centre and axis convention of `CONVENTIONS.md` is implemented only here. Pixels are drawn uniformly, or mostly
-where the images are covered. The choice depends only on the images, so that every method of a comparison gets the same
-rays.
+where the images are covered; no method affects the choice.
 """
 
 import math
@@ -64,10 +63,9 @@ class Cameras:
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A pose and intrinsics; frames and pixels as in `CONVENTIONS.md`. Cameras are compared by identity:
-    `harness.playback.keys` decides when two views are the same.
-
-    Raises `ValueError` for a pose or a length that is not finite, an empty picture, or near and far out of order.
+    """A pose and intrinsics; frames and pixels as in `CONVENTIONS.md`. Compared by identity: `harness.playback.keys`
+    decides when two views are the same. Raises `ValueError` for a pose or a length that is not finite, an empty
+    picture, or near and far out of order.
     """
 
     camera_to_world: np.ndarray
@@ -122,11 +120,8 @@ class Batches:
     """Random pixels of all training views, on the device of the cameras. It stores one batch and no image."""
 
     def __init__(self, cameras: Cameras, rgba: ImageStack, covered_share: float = 0.0) -> None:
-        """Take `rgba` [views, height, width, 4] in display colour with straight alpha. Raises `ValueError` for another
-        shape.
-
-        The share `covered_share` of a batch is drawn uniformly from covered pixels of all images and their neighbours,
-        the rest from all pixels.
+        """Take `rgba` [views, height, width, 4], display colour with straight alpha; raises `ValueError` for another
+        shape. The share `covered_share` of a batch is drawn uniformly from covered pixels and their neighbours.
         """
         expected = (len(cameras), cameras.height, cameras.width, 4)
         if rgba.shape != expected:
@@ -138,8 +133,8 @@ class Batches:
         self._last: tuple[tuple[int | str, int, int], Batch] | None = None
 
     def batch(self, seed: int | str, step: int, count: int) -> Batch:
-        """Return `count` rays and their colours over white, a function of the arguments only. Do not change the result:
-        it is kept for the other methods of a group, which are at the same step, with the time that it took.
+        """Return `count` rays and their colours over white, which depend only on the arguments. Do not change them:
+        they are kept for the other methods of a group, which are at the same step, with the time that they took.
         """
         key = (seed, step, count)
         if self._last is None or self._last[0] != key:
@@ -150,9 +145,7 @@ class Batches:
         return lambda step: self.batch(seed, step, count)
 
     def for_learner(self, whole_views: bool, seed: int | str, count: int) -> Callable[[int], Batch]:
-        """Return the function that maps a step to its batch: `count` rays, or with `whole_views` all pixels of a random
-        training view, row by row.
-        """
+        """Return step → batch: `count` rays, or with `whole_views` all pixels of a random training view, row by row."""
         if whole_views:
             return lambda step: self._timed(lambda: self._view(seed, step))
         return self.stream(seed, count)

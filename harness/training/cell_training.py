@@ -41,9 +41,8 @@ CORNERS = 8
 
 
 def flops_per_evaluation(field: object) -> int | None:
-    """Count the operations of one forward evaluation of density and colour at one point: of a network, with the
-    `operations` of an encoder before it, or of voxels, which interpolate one density and the coefficients of three
-    colours; None for any other field.
+    """Count the operations of density and colour at one point: of a network with its encoder, or of voxels, which
+    interpolate one density and the coefficients of three colours; None for any other field.
     """
     if isinstance(field, nn.Module):
         layers = [layer for layer in field.modules() if isinstance(layer, nn.Linear)]
@@ -56,7 +55,7 @@ def flops_per_evaluation(field: object) -> int | None:
 
 
 def content_of(views: ViewSet) -> str | None:
-    """Return the digest of a view set: that of its manifest, else that of the images that were read."""
+    """Return the digest of a view set: of its manifest, else of the images that were read."""
     return views.rendered.get("digest") or views.content
 
 
@@ -65,7 +64,6 @@ SAME = 1e-6
 
 
 def view_set_facts(views: ViewSet) -> dict[str, object]:
-    """Return the facts of a view set for a cell's record."""
     return {
         "name": views.path.resolve().name,
         "digest": views.rendered.get("digest"),
@@ -82,8 +80,8 @@ def view_set_facts(views: ViewSet) -> dict[str, object]:
 
 
 def finished_on(out: Path, keys: Iterable[tuple[str, str, int]], views: ViewSet) -> int:
-    """Count the finished cells of `keys` (scene, method, seed). Facts of the views that an earlier version did not
-    record count as equal. Raises `InputError` if a cell was not trained on `views`, and `DamagedRecord`.
+    """Count the finished cells of `keys` (scene, method, seed). Raises `InputError` if a cell was not trained on
+    `views` (facts that an earlier version did not record count as equal), and `DamagedRecord`.
     """
     now = view_set_facts(views)
     finished = 0
@@ -123,8 +121,8 @@ def _one_line(error: Exception) -> str:
 COLLAPSED_OPACITY = 0.02
 """The mean test opacity below which a method has learnt only the background."""
 BILLBOARD_GAP_DB = 6.0
-"""The gap between training and test views from which images count as painted in front of the cameras, not in the scene,
-if test views also score below a copy of the nearest training view.
+"""The gap between training and test views from which images count as painted in front of the cameras, if test views
+also score below a copy of the nearest training view.
 """
 FLAGGED_GAP_DB = 3.0
 """The gap between training and test views from which a warning says so."""
@@ -157,7 +155,7 @@ class CellTraining:
         self.lpips = None if self.task.lpips is None else lpips_of(self.task.lpips)
         self.ended = False
         self.resumed_at: list[int] = []
-        """The steps at which it was resumed in another process."""
+        """The steps at which another process resumed it."""
         self.can_be_kept = True
 
     @property
@@ -182,9 +180,7 @@ class CellTraining:
         return f"{self.task.scene}, {self.trainer.method}, seed {self.task.seed}"
 
     def keep(self) -> str | None:
-        """Write a snapshot. If the state cannot be stored, return the reason, only the first time. Raises `OSError`
-        naming the file.
-        """
+        """Write a snapshot; if the state cannot be stored, return the reason once. Raises `OSError` naming the file."""
         if not self.can_be_kept:
             return None
         try:
@@ -205,15 +201,14 @@ class CellTraining:
         except OSError:
             raise
         except Exception as error:
-            # a user's method may have state that a snapshot cannot store, which is no reason to end its training
+            # a user's method may have state that a snapshot cannot store; its training continues
             self.can_be_kept = False
             return f"{self.name}: no snapshot can be written in the middle of its training ({_one_line(error)})"
         return None
 
     def resume(self) -> str | None:
-        """Resume from a snapshot of the same code on the same kind of processor, if there is one. Return a note for the
-        reader. Raises `IncompatibleSnapshot` if the mismatch appears after parts were restored: this cell is unusable
-        then.
+        """Resume from a snapshot of the same code on the same kind of processor, if there is one; return a note for the
+        reader. Raises `IncompatibleSnapshot` if parts were already restored, so that this cell is unusable.
         """
         if not self.snapshot.exists():
             return None
@@ -243,7 +238,7 @@ class CellTraining:
         return f"{self.name}: resumes at step {self.trainer.step}"
 
     def _made_with(self) -> dict[str, object]:
-        """Return all that its next steps depend on except the trained state, as JSON returns it."""
+        """Return, as JSON, all that its next steps depend on except the trained state."""
         place = ("processor", "threads", "device", "torch_build", "bfloat16_products")
         packages = self.provenance.get("packages", {})
         facts = {
@@ -270,7 +265,7 @@ class CellTraining:
         except OSError:
             raise
         except (Exception, SystemExit) as error:
-            # an error, also of a user's method, ends only its own cell and not the others of the group
+            # an error, also of a user's method, ends only its own cell
             return self._failed(error, f"at step {self.trainer.step}")
 
     def _scored(self) -> CellRecord | None:

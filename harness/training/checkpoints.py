@@ -1,9 +1,8 @@
 """The tensors that training changed in a method, as a file: OUT/checkpoints/<scene>.<method>.<seed>.safetensors.
 
-An unfinished cell has a file as well, its snapshot (`harness.records.snapshot`). Random draws depend only on a cell's
-seed and step (`harness.plan.seeds`), so that a snapshot needs only the weights, optimiser, occupancy grid, counters and
-scores so far. On a CPU, a cell that is resumed from its snapshot is bit-identical to an uninterrupted cell; its clocks
-continue.
+An unfinished cell has a snapshot (`harness.records.snapshot`): weights, optimiser, occupancy grid, counters and scores
+so far suffice, as random draws depend only on seed and step (`harness.plan.seeds`). On a CPU a resumed cell is
+bit-identical to an uninterrupted one; its clocks continue.
 """
 
 import hashlib
@@ -44,7 +43,7 @@ def tensors_of(learner: "Learner") -> dict[str, Tensor]:
 
 
 def save_checkpoint(learner: "Learner", path: Path) -> None:
-    """Write a checkpoint atomically; raises `OSError`, naming the file, if it cannot be written."""
+    """Write a checkpoint atomically; raises `OSError` naming the file."""
     # not by safetensors itself, whose own error would hide a full disk
     write_atomically(path, save({name: value.cpu() for name, value in tensors_of(learner).items()}))
 
@@ -82,9 +81,7 @@ LARGEST_SHARE = 0.02
 
 
 class Keeping:
-    """The schedule of a group's snapshots: due `every` so many seconds, or less often if they would cost too much; with
-    0 always.
-    """
+    """The schedule of a group's snapshots: due every `every` seconds (0: always), or less often if they cost much."""
 
     def __init__(self, every: float, clock: Callable[[], float] = time.monotonic) -> None:
         self._every = every
@@ -122,9 +119,7 @@ def training_state(learner: "Learner") -> Unfinished:
 
 
 def restore_training(learner: "Learner", kept: Unfinished) -> None:
-    """Restore a fresh learner of the same settings. The state of another learner raises any error, and leaves this one
-    unusable.
-    """
+    """Restore a fresh learner of the same settings; the state of another raises any error and spoils this one."""
 
     def tensors(prefix: str) -> dict[str, Tensor]:
         return {name: torch.tensor(value, device=learner.device) for name, value in kept.under(prefix).items()}

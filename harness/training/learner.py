@@ -27,7 +27,7 @@ only as they are clipped, one batch in ten would be cut to 6 times the norm of t
 
 @dataclass
 class Clipping:
-    """Clipping to a fixed norm and to a multiple of the usual norm, a hundred times of which a fixed bound may pass."""
+    """Clipping to a fixed norm and to a multiple of the usual norm, of which a fixed bound may pass a hundred times."""
 
     norm: float
     ratio: float
@@ -65,9 +65,7 @@ class Stepped(Protocol):
 
 @runtime_checkable
 class Learner(Stepped, Protocol):
-    """One method on one scene with one seed, trained one batch at a time; `harness.training.trainer.Trainer` is the
-    usual one.
-
+    """One method on one scene with one seed, trained one batch at a time; usually a `harness.training.trainer.Trainer`.
     `train_on`, `render` and `density` raise `harness.training.trainer.Diverged` for a number that is not finite.
     """
 
@@ -83,7 +81,7 @@ class Learner(Stepped, Protocol):
 
     @property
     def whole_views(self) -> bool:
-        """Return whether a batch is all pixels of one view, and not rays of all views."""
+        """Return whether a batch is all pixels of one view, rather than rays of all views."""
 
     @property
     def field(self) -> LearnedField: ...
@@ -103,7 +101,7 @@ class Learner(Stepped, Protocol):
         """Restore the tensors that `harness.training.checkpoints.tensors_of` returned after `step` steps."""
 
     def optimiser_tensors(self) -> dict[str, Tensor]:
-        """Return the optimiser's state by name."""
+        """Return the optimiser's state ."""
 
     def restore_optimiser(self, tensors: dict[str, Tensor]) -> None:
         """Restore the state that `optimiser_tensors` returned, after `restore`."""
@@ -137,16 +135,14 @@ L = TypeVar("L", bound=Stepped)
 
 
 def warm_up(learner: Learner, batch_at: Callable[[int], Batch]) -> None:
-    """Run everything that is done once, on the batch of the first step and off the learner's clock."""
+    """Run everything that is done only once, on the batch of the first step and off the learner's clock."""
     batch = batch_at(0)
     learner.warm_up(batch.rays, batch.colours)
 
 
 def take_step(learner: Stepped, batch_at: Callable[[int], Batch]) -> None:
-    """Take the learner's next step; `batch_at` returns the batch of a step (`Batches.stream`). Raises `Diverged`.
-
-    The time of making the batch counts, even if it was made for another learner: in a run without the others, this
-    learner would have made it.
+    """Take the learner's next step; `batch_at` returns the batch of a step (`Batches.stream`). Raises `Diverged`. The
+    time of making the batch counts even if another learner caused it, as this one would have needed it too.
     """
     batch = batch_at(learner.step)
     learner.clock.add(batch.seconds, batch.core_seconds)

@@ -34,11 +34,10 @@ def train_group(
     made_by: Callable[..., Learner] | None = None,
     on_notice: Callable[[str], None] = lambda text: None,
 ) -> Iterator[CellRecord]:
-    """Yield the record of each method as soon as it has ended. Methods that fail or diverge do not stop the others.
+    """Yield the record of each method as soon as it has ended; methods that fail or diverge do not stop the others.
 
-    `on_progress` gets the share of the group's training that is done; `made_by` replaces `learner_for`. Snapshots of
-    all cells are written to the output folder from time to time. A cell with a snapshot is resumed, which is reported
-    to `on_notice`.
+    `on_progress` gets the trained share of the group; `made_by` replaces `learner_for`. Snapshots of all cells are
+    written to the output folder from time to time; resuming a cell from one is reported to `on_notice`.
     """
     device, stream = torch.device(task.device), stream_of(task.scene, task.seed)
     batches = Batches(evaluate.cameras_of(views, views.train, device), views.train.rgba, task.train.covered_share)
@@ -77,7 +76,7 @@ def train_group(
 def _started(
     method: str, task: GroupTask, fresh: Callable[[str], CellTraining], on_notice: Callable[[str], None]
 ) -> CellTraining | CellRecord:
-    """Return the cell, resumed if it has a snapshot, or its record if it ends before the first step."""
+    """Return the cell, resumed from a snapshot if it has one, or its record if it ends before the first step."""
     try:
         with left_as_it_was():
             runner = fresh(method)
@@ -101,9 +100,7 @@ def _started(
 
 
 def turns(active: list[T]) -> Iterator[list[T]]:
-    """Yield the order of each turn until the caller has removed all from `active`. The first in the order changes, so
-    that none always finds the caches that another has filled.
-    """
+    """Yield the order of each turn until `active` is empty. The order rotates, so that caches favour no member."""
     turn = 0
     while active:
         first = turn % len(active)
@@ -118,9 +115,7 @@ def box_of(views: ViewSet, device: torch.device) -> Box:
 
 
 def stream_of(scene: str, seed: int) -> str:
-    """Return the seed of a cell's random numbers. With the scene in it, scenes are independent draws, as the statistics
-    assume; without the method in it, methods are paired.
-    """
+    """Return the seed of a cell's random numbers: scenes are independent draws, methods of one scene are paired."""
     return f"{scene}/{seed}"
 
 

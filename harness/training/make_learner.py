@@ -14,9 +14,8 @@ from scenes.rendering.variant import OLDEST_LLVM, llvm_libraries, probe
 
 
 class NotAvailable(InputError):
-    """A method that this machine cannot train; the message says what is missing.
-
-    In a comparison its cells end as `not_available`; a command about only this method ends with the message.
+    """A method that this machine cannot train; the message says what is missing. In a comparison its cells end as
+    `not_available`; a command about only this method ends with the message.
     """
 
 

@@ -39,9 +39,7 @@ TRUTH_BYTES = 2 * sum(channels or 1 for channels in TRUTH.values())
 RENDER_BYTES = 2 * sum(channels or 1 for channels in RENDER.values())
 """The bytes per pixel."""
 SAME_COLOUR = 0.01
-"""The difference of display colours below which two truths may be of one view, rendered twice or read by another
-version.
-"""
+"""The difference of display colours below which two truths may be of one view, rendered twice or read differently."""
 
 
 def saved_views(test: Split, count: int) -> list[int]:
@@ -73,7 +71,7 @@ def _pixels(test: Split) -> int:
 
 def keep_truth(out: Path, scene: str, views: ViewSet, count: int) -> None:
     """Write the truth of the saved views, in the same bytes for every process; an existing file is kept. Raises
-    `OSError`, and `InputError` if that file is of other views, and for a view set that was damaged meanwhile.
+    `OSError`, and `InputError` if that file is of other views or the view set was damaged.
     """
     test = views.test
     now = []
@@ -116,7 +114,7 @@ class KeptRenders:
     every: bool
     """Whether the renders of every checkpoint are saved, or only those of the last."""
     turn: list[int]
-    """The views of the turn, if this cell saves one."""
+    """The views of the turn; empty if this cell saves none."""
     renders: list[Render] = field(default_factory=list)
     frames: dict[int, NDArray[np.uint8]] = field(default_factory=dict)
 
@@ -128,7 +126,7 @@ class KeptRenders:
         return KeptRenders(chosen, test.names, fits and is_first, turned(test) if chosen and is_first else [])
 
     def passing(self, images: Iterable[View], step: int, last: bool) -> Iterator[View]:
-        """Yield the same views one at a time, and remember some of them."""
+        """Yield the same views one at a time, and remember those that are saved."""
         for index, image in enumerate(images):
             if (last or self.every) and index in self.chosen:
                 parts = (half(image.colour), half(image.opacity), half(image.depth))

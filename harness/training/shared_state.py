@@ -24,7 +24,7 @@ class SharedStateChanged(RuntimeError):
 
 @contextmanager
 def left_as_it_was() -> Iterator[None]:
-    """Restore the settings at the end. Raises `SharedStateChanged` if one was changed and nothing else is raised."""
+    """Restore the settings at the end; raises `SharedStateChanged` if one was changed and nothing else is raised."""
     before = {name: read() for name, (read, _) in SHARED.items()}
     changed: list[str] = []
     try:

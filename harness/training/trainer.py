@@ -28,8 +28,8 @@ from harness.training.checkpoints import OCCUPIED
 from harness.training.learner import Clipping, Job
 
 LOSS_SCALE: dict[Precision, float] = {"float32": 1.0, "bfloat16": 1.0, "float16": 1024.0}
-"""The factor of the loss in the backward pass. Below 6e-8 a float16 is 0, and the gradient of one sample of 512 rays is
-about 1e-6. It is a power of two, so that nothing is rounded. bfloat16 has the range of float32.
+"""The factor of the loss in the backward pass, a power of two, so that nothing is rounded. Below 6e-8 a float16 is 0,
+and the gradient of one sample of 512 rays is about 1e-6; bfloat16 has the range of float32.
 """
 TRACED = ("step", "loss", "gradient_norm", "clipped_norm", "alpha", "beta", "samples_per_ray", "learning_rate")
 LAYER = "gradient_norm "
@@ -84,9 +84,7 @@ class BudgetedTrainer(ABC):
     def _count(
         self, loss: float, norms: tuple[float, float], evaluations: int, rays: int, rate: float | None = None
     ) -> None:
-        """End a step on `rays` rays. `norms` are those of the gradient before and after clipping, `rate` is the
-        learning rate if it is the same for all weights.
-        """
+        """End a step; `norms` of the gradient are before and after clipping, `rate` is common to all weights."""
         traced = self._is_traced
         self.step += 1
         self.last_loss = loss
@@ -101,7 +99,7 @@ class BudgetedTrainer(ABC):
         return {"alpha": None, "beta": None}
 
     def averaged(self) -> AbstractContextManager[None]:
-        """Enclose code that sees the running mean of the weights instead of the weights, if the method has one."""
+        """Enclose code that sees the running mean of the weights in place of them, if the method has one."""
         return nullcontext()
 
     def _rendered_by(self) -> dict[str, Any]:
@@ -115,9 +113,8 @@ class BudgetedTrainer(ABC):
 
     @torch.no_grad()
     def render(self, rays: Rays, chunk: int, bins: int | None = None) -> Rendering:
-        """Render all of `rays`, `chunk` at a time, at the midpoints of the bins: of `bins` per ray if that is given,
-        with those of a second pass in proportion. Only a single chunk keeps its samples. Raises `ValueError` for less
-        than one bin, and `Diverged` for a pixel that is not finite.
+        """Render all of `rays`, `chunk` at a time, with `bins` per ray (and a second pass in proportion) if that is
+        given. Only a single chunk keeps its samples. Raises `ValueError` for less than one bin, and `Diverged`.
         """
         if bins is not None and bins < 1:
             raise ValueError(f"{bins} bins per ray: must be at least 1")
@@ -169,9 +166,7 @@ class Trainer(BudgetedTrainer):
 
     @cached_property
     def optimiser(self) -> Optimiser:
-        """Return the optimiser, created in the warm-up: it imports the compiler of torch, which takes seconds that
-        are not training, and that rendering need not wait for.
-        """
+        """Return the optimiser, created in the warm-up: it imports torch's compiler, for seconds off the clock."""
         return optimiser_of(self.fields.parameters(), self.settings.optimiser)
 
     @cached_property
@@ -190,17 +185,14 @@ class Trainer(BudgetedTrainer):
         return self.fine or self.coarse
 
     def warm_up(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None:
-        """Run one forward and backward pass that changes nothing, so that imports, allocations and kernel choices are
-        off the clock.
-        """
+        """Run a forward and a backward pass that change nothing: imports, allocations, kernel choices."""
         _ = self.optimiser
         self._loss(rays, colours, generator_for(self.seed, "warm-up"))[0].backward()
         self.fields.zero_grad(set_to_none=True)
 
     def train_on(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None:
-        """Take one step on one batch, on the clock; the last step of the budget ends with the mean of the weights.
-
-        Raises `Diverged`; the weights are then those before the step, unless the error names a weight.
+        """Take one step, on the clock; the last step of the budget ends with the mean of the weights. Raises
+        `Diverged`; the weights are then those before the step, unless the error names a weight.
         """
         with self.clock.running():
             self._refresh_grid()
@@ -261,7 +253,6 @@ class Trainer(BudgetedTrainer):
         self.optimiser.restore({name: value for name, value in tensors.items() if not name.startswith(MEAN)})
 
     def _sampling(self, training: bool = False) -> Sampling:
-        """Return the sampling of a picture, or that of a step of `training`."""
         grid = self.settings.grid
         # also without the grid, so that switching it off changes nothing but the omission
         settled = grid.cells == 0 or self.whole_rays or self.step > grid.first_step
@@ -299,9 +290,7 @@ class Trainer(BudgetedTrainer):
         return loss, rendering
 
     def _clipped_gradient(self, loss: Tensor) -> tuple[float, float]:
-        """Compute the clipped gradient of all weights. Return its norm before and, if it is traced, after clipping.
-        Raises `Diverged`.
-        """
+        """Compute and clip the gradient. Return its norm before and, if traced, after. Raises `Diverged`."""
         scale = LOSS_SCALE[self.settings.precision]
         (loss * scale).backward()
         gradients = [weight.grad for weight in self.fields.parameters() if weight.grad is not None]
@@ -333,7 +322,7 @@ class Trainer(BudgetedTrainer):
         generator = generator_for(self.seed, self.step, "grid")
         self.network_evaluations += self.grid.refresh(self.field, share, generator)
         if not bool(torch.isfinite(self.grid.density).all()):
-            # a NaN is above no threshold: the cell would count as empty permanently
+            # a NaN exceeds no threshold: the cell would count as empty for good
             raise Diverged(self.step, "density in the occupancy grid")
 
     def _weights(self) -> Iterable[Tensor]:

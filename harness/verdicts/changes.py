@@ -1,8 +1,7 @@
 """How much a difference of two methods changes between two situations: a paired difference of differences.
 
 Situations are early and late in training, two optimisers, equal steps and equal seconds, two processors, or two runs.
-Equal verdicts do not show that nothing changed, and unequal verdicts do not show that something did. The change itself
-is estimated, with the intervals of `harness.verdicts.statistics`.
+Equal verdicts do not show that nothing changed, nor unequal ones that something did: the change itself is estimated.
 """
 
 from collections.abc import Iterable
@@ -37,7 +36,7 @@ class Change:
     before: float
     after: float
     judgement: Judgement
-    """The judgement of `after` − `before`, in both senses."""
+    """The judgement of `after` − `before`."""
     by_scene: dict[str, float]
     """Scene → the change of the mean over seeds."""
     seeds_paired: bool
@@ -66,11 +65,11 @@ def changes(methods: Iterable[str], before: Condition, after: Condition, metric:
 def change_of(
     method: str, against: str, before: Table, after: Table, *, paired: bool, metric: str = PRIMARY, family: int = 1
 ) -> Change | None:
-    """Return the change between two tables of differences; with `paired` they have the same seeds in the same order.
+    """Return the change between two tables of differences, over the scenes with a difference in both; with `paired`
+    they have the same seeds in the same order.
 
     If paired, each scene and seed has a change, which is judged as any paired difference. Otherwise the squared errors
-    of the two situations add up (Welch). Over scenes it is Student's t in both cases. Only scenes with a difference in
-    both situations count.
+    of the two situations add up (Welch). Over scenes it is Student's t in both cases.
     """
     shared = [scene for scene in before if scene in after]
     if paired:

@@ -143,10 +143,8 @@ def stated(lines: Sequence[str]) -> ClaimFile:
 def claims_of(
     methods: Collection[str], scenes: Collection[str], files: Sequence[Path] = (), lines: Sequence[str] = ()
 ) -> list[ClaimFile]:
-    """Return the claims that a run can show: those that the user gave, and the files of this program that are about one
-    of its methods.
-
-    Raises `InputError` for a file about none of the methods, and for a line with a method or scene that does not run.
+    """Return the claims that a run can show: the user's, and the files of this program about one of its methods. Raises
+    `InputError` for a file about none of the methods, and for a line with a method or scene that does not run.
     """
     given = [read_claims(file) for file in files]
     for claims, name in zip(given, files, strict=True):

@@ -31,11 +31,10 @@ OPTIONAL = tuple(name for name, metric in METRICS.items() if metric.optional)
 def family_of(metric: str, scene: str, scenes: int, metrics: int = len(METRICS) - len(OPTIONAL)) -> int:
     """Return the number of comparisons of two methods at one budget that are judged together with this one.
 
-    Families are declared before any data. PSNR over all scenes is a family of one between two methods;
-    `harness.verdicts.headline_family` judges it with the other pairs of a run. PSNR by scene is a family of the scenes,
-    another metric over all scenes one of the metrics, and another metric by scene one of both. Each pair of methods and
-    each budget has its own families. `metrics` is the number of metrics, including PSNR, that every run has; the family
-    of an optional metric also counts all of them.
+    Families are declared before any data. PSNR over all scenes is a family of one (`harness.verdicts.headline_family`
+    judges it with the other pairs of a run), PSNR by scene a family of the scenes, another metric over all scenes one
+    of the metrics, and another metric by scene one of both. `metrics` is the number of metrics, including PSNR, that
+    every run has; the family of an optional metric also counts all of them.
     """
     by_metric = 1 if metric == PRIMARY else max(1, metrics - (metrics > 1))
     by_metric += len(OPTIONAL) if metric in OPTIONAL else 0
@@ -55,7 +54,7 @@ class Judgement:
 
     @property
     def chosen(self) -> Estimate:
-        """The estimate of the main verdict: for scenes like these if several were tried."""
+        """Return the estimate of the main verdict: for scenes like these if several were tried."""
         return self.scenes_like_these or self.on_these_scenes or NO_ESTIMATE
 
     @property
@@ -70,10 +69,8 @@ def fields_of(chosen: Estimate) -> dict[str, Any]:
 
 
 def compare(cells: list[CellRecord], methods: list[str], roles: Roles = USUAL) -> list[Comparison]:
-    """Compare every method with the baseline and the controls of `roles`, and the pairs of claims.
-
-    Pairs are compared on each scene on which both methods have cells, whatever their status, and over all scenes if
-    both have cells on all of them.
+    """Compare every method with the baseline and the controls of `roles`, and the pairs of claims. Pairs are compared
+    on each scene on which both methods have cells of any status, and over all scenes if they have cells on all.
     """
     by_key, _, seeds = keyed(cells)
     along, rows, pairs = budgets_of(cells), [], roles.pairs(methods)
@@ -172,9 +169,9 @@ def differences(
 
 
 def judged(table: dict[str, np.ndarray], metric: str, family: int, scene: str = "all") -> Judgement:
-    """Judge a table of scene → differences [seeds], NaN for a missing pair: over `all` its scenes, or on one of them.
+    """Judge scene → differences [seeds], NaN for a missing pair: over all scenes of the `table`, or on one `scene`.
 
-    Pairs without a difference are counted; the others are judged, since `harness.verdicts.failures` compares failures.
+    Pairs without a difference are only counted, since `harness.verdicts.failures` compares failures.
     """
     about, chosen = METRICS[metric], table if scene == "all" else {scene: table[scene]}
     pairs = int(sum(np.isfinite(values).sum() for values in chosen.values()))
@@ -206,9 +203,8 @@ def scores_at(
 
 
 def score_on_curve(cell: CellRecord, name: str, budget: Budget, at: float) -> float | None:
-    """Return a metric of a cell's curve, linear in the logarithm of steps or seconds between checkpoints.
-
-    It is None before the first checkpoint, and for a metric that is scored only at the end.
+    """Return a metric of a cell's curve, linear in the logarithm of steps or seconds between checkpoints; None before
+    the first checkpoint, and for a metric that is scored only at the end.
     """
     scored = [(getattr(point, AT[budget]), getattr(point, name, None)) for point in cell.curve]
     points = [(position, value) for position, value in scored if position is not None and value is not None]

@@ -1,7 +1,7 @@
 """How often a method diverges or ends in an empty picture, and whether another method does so less often.
 
-A failure is a result of its method. Only this module judges it: differences of scores use the pairs in which neither
-run failed. A run that ended for other reasons (a full disk, a killed process) counts neither as a failure nor as a run.
+A failure is a result of its method, and judged only here: differences of scores use the pairs in which neither run
+failed. A run that ended for other reasons (a full disk, a killed process) is not counted at all.
 """
 
 from collections import Counter

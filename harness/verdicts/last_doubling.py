@@ -30,9 +30,8 @@ class LastDoubling:
 
 
 def gain_of_last_doubling(cell: CellRecord) -> float | None:
-    """Return the PSNR at the end minus that at half of the steps, interpolated in the logarithm of steps.
-
-    It is None for a cell that cannot be judged, and if no checkpoint lies at or below half of its steps.
+    """Return the PSNR at the end minus that at half of the steps, interpolated in the logarithm of steps; None for a
+    cell that cannot be judged, and without a checkpoint in the first half.
     """
     if not judgeable(cell) or not cell.curve or cell.curve[-1].psnr is None:
         return None

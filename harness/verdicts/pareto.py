@@ -56,9 +56,7 @@ def crossing(
     budgets: Sequence[float], first: Float[np.ndarray, "budgets scenes"], second: Float[np.ndarray, "budgets scenes"]
 ) -> tuple[float, tuple[float, float], float] | None:
     """Return the budget beyond which `second` stays ahead of `first`, its 95 % interval, and the share of draws with
-    such a budget; None if the means have none.
-
-    Between budgets the difference is linear in the logarithm of the budget.
+    such a budget; None if the means have none. Between budgets the difference is linear in the logarithm of the budget.
     """
     weights = resamples(first.shape[1])
     crossings = [_last_crossing(budgets, line) for line in drawn_means(second - first, weights).T]

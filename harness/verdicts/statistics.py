@@ -60,9 +60,8 @@ class PairedDifference:
 
 
 def paired_difference(differences: np.ndarray, family: int = 1) -> PairedDifference:
-    """Estimate the mean of independent differences [units]; raises `ValueError` if there is none or one is not finite.
-
-    `family` is the number of comparisons that are judged together.
+    """Estimate the mean of independent differences [units], one of `family` that are judged together. Raises
+    `ValueError` if there is none or one is not finite.
     """
     values = np.asarray(differences, dtype=np.float64)
     if values.size == 0 or not np.isfinite(values).all():
@@ -71,33 +70,28 @@ def paired_difference(differences: np.ndarray, family: int = 1) -> PairedDiffere
 
 
 def on_these_scenes(table: dict[str, np.ndarray], family: int = 1) -> PairedDifference:
-    """Estimate the mean over scenes of the means over seeds, with an error from seeds only.
-
-    `table` maps scene → differences [seeds], NaN for a missing one. Raises `ValueError` if it has no difference.
+    """Estimate the mean over scenes of the means over seeds, with an error from seeds only. `table` maps scene →
+    differences [seeds], NaN for a missing one. Raises `ValueError` if it has no difference.
     """
     values = _rows(table)
     return difference_of(nested.on_these_scenes(values), len(values), family)
 
 
 def on_one_scene(differences: np.ndarray, family: int = 1) -> PairedDifference:
-    """Estimate the mean of the differences [seeds] of one scene, NaN for a missing one, by Student's t.
-
-    That equals `on_these_scenes` for one scene. Raises `ValueError` if there is no difference.
+    """Estimate the mean of one scene's differences [seeds], NaN for a missing one, by Student's t, to which
+    `on_these_scenes` reduces for one scene. Raises `ValueError` if there is no difference.
     """
     return paired_difference(differences[np.isfinite(differences)], family)
 
 
 def scenes_like_these(table: dict[str, np.ndarray], family: int = 1) -> PairedDifference:
-    """Estimate the mean of `on_these_scenes` for scenes like these: Student's t over the means of the scenes.
-
-    A single scene has no interval.
-    """
+    """Estimate the same mean for scenes like these: Student's t over the scenes' means, no interval for one scene."""
     values = _rows(table)
     return difference_of(nested.scenes_like_these(values), len(values), family)
 
 
 def _rows(table: dict[str, np.ndarray]) -> np.ndarray:
-    """Return [scenes that have a difference, seeds]."""
+    """Return an array [scenes that have a difference, seeds]."""
     there = [values for values in table.values() if np.isfinite(values).any()]
     if not there:
         raise ValueError("no scene has a difference")
@@ -169,7 +163,6 @@ def shift_found(threshold: float, freedom: float) -> float:
     """Return the true mean, in standard errors, that 80 % of repetitions find, by the noncentral t distribution.
 
     A mean is found if it lies beyond `threshold` estimated standard errors, which have `freedom` degrees of freedom.
-    With few degrees of freedom the result is well above the sum of two quantiles of t.
     """
     # rounded, so that a table and a shifted copy of it share a cache entry
     return _shift_found(float(f"{threshold:.7g}"), float(f"{freedom:.7g}"))
@@ -184,9 +177,8 @@ def _shift_found(threshold: float, freedom: float) -> float:
 
 
 def share_found(shift: float, threshold: float, freedom: float) -> float:
-    """Return the share of repetitions that find a true mean of `shift` standard errors, by the noncentral t.
-
-    It averages, over the possible estimates, the probability that the estimated error is small enough.
+    """Return the share of repetitions that find a true mean of `shift` standard errors, by the noncentral t: the mean,
+    over possible estimates, of the probability that the estimated error is small enough.
     """
     return float(WEIGHTS @ _error_below((NORMAL + shift) / threshold, freedom))
 
@@ -197,15 +189,12 @@ def _error_below(bound: np.ndarray, freedom: float) -> np.ndarray:
 
 
 def verdict(result: PairedDifference, smallest_of_interest: float) -> Verdict:
-    """Return the verdict that the simultaneous interval allows."""
     return verdict_of(result.simultaneous, smallest_of_interest)
 
 
 def decided(known: Estimate, adjusted: float, difference: float, smallest_of_interest: float) -> Estimate:
-    """Return an estimate with the sign that a procedure for its family decides by an adjusted p-value of at most 5 %.
-
-    The simultaneous interval ends at 0 where that procedure and its own disagree, so that sign and interval never
-    contradict each other.
+    """Return an estimate with the sign that a procedure for its family decides, by an adjusted p-value of at most 5 %.
+    Where that contradicts the simultaneous interval, the interval is made to end at 0.
     """
     interval = known.simultaneous
     if interval is None:

@@ -49,7 +49,6 @@ def targets(
     cells: list[CellRecord], methods: list[str], roles: Roles = USUAL, claims: Iterable[ClaimFile] = ()
 ) -> TargetsRecord:
     """Return a target PSNR that only the baseline's runs determine, the times of reaching it, and their comparisons.
-
     Cells that were not available do not count. The first target that `claims` name is preferred.
     """
     runs = [cell for cell in cells if cell.status != "not_available"]
@@ -78,9 +77,7 @@ def targets(
 
 def chosen_target(runs: list[CellRecord], baseline: str, printed: ClaimFile | None = None) -> tuple[float | None, str]:
     """Return the printed target if half of the `runs` reach it, else the largest whole dB that half of them reach, with
-    a sentence on the choice.
-
-    The target is None if fewer than half of the runs finished with a score.
+    a sentence on the choice; None if fewer than half of the runs finished with a score.
     """
     best = [
         max((psnr for _, psnr in scored(cell, "steps") if cell.status == "done"), default=-math.inf) for cell in runs
@@ -133,9 +130,8 @@ def first_reached(
 def kaplan_meier(reaches: list[Reach]) -> tuple[list[float], list[float], list[int]]:
     """Return (times, share that has reached the target, runs at risk just before), as `ReachCurve` holds them.
 
-    Before the first time the share is 0, and the curve ends where the last run ends. Runs that diverged stay at risk
-    until then: censoring them earlier would count them as no worse than the others. Runs that failed for other reasons
-    are censored when they failed.
+    Runs that diverged stay at risk until the last run ends: censoring them earlier would count them as no worse than
+    the others. Runs that failed for other reasons are censored when they failed.
     """
     end = max(each.time for each in reaches)
     lost = [each.known == "never" and each.why in (LOST["diverged"], LOST["done"]) for each in reaches]
@@ -192,12 +188,11 @@ class Paired:
 def compared(
     cells: Iterable[CellRecord], method: str, against: str, axis: Axis, target: float, scene: str
 ) -> TargetComparison:
-    """Compare `method` with `against` on one scene, or on `all` of `cells`.
+    """Compare `method` with `against` on one scene, or on `all` of `cells`, by the restricted time min(T, horizon).
 
-    The compared quantity is the restricted time min(T, horizon). The horizon of a scene is the shortest time that a
-    finished run of the two was observed there. Restricted times are fully observed, so that their interval is valid
-    under any censoring; for the time to the target itself it is at most a bound. If the time of any pair is only a
-    bound, no saving is called smaller than matters.
+    The horizon of a scene is the shortest time that a finished run of the two was observed there. Restricted times are
+    fully observed, so that their interval is valid under any censoring; for the time to the target itself it is at most
+    a bound. If the time of any pair is only a bound, no saving is called smaller than matters.
     """
     runs = {(cell.scene, cell.method, cell.seed): cell for cell in cells}
     shared = [name for name in scenes_of(list(runs.values()), method, against) if name != "all"]

@@ -27,9 +27,7 @@ Share = Annotated[float, Meta(ge=0, le=1)]
 
 
 class Attention(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The object of attention: a point (`foveal`, `point`), a property of the coarse frame (`gradients`, `error`), or
-    nothing.
-    """
+    """A point (`foveal`, `point`), a property of the coarse frame (`gradients`, `error`), or nothing."""
 
     kind: Literal["foveal", "point", "gradients", "error", "none"] = "foveal"
     row: Share = 0.5

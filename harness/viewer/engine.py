@@ -1,5 +1,4 @@
-"""One view of several trained methods as a stream of frames: coarse first, then refined in order of attention, the
-methods in turn; or from the view cache.
+"""One view of several trained methods as a stream of frames, from the view cache or refined in order of attention.
 
 Nothing here knows of HTTP. A caller stops the rendering by taking no more frames.
 """
@@ -28,7 +27,6 @@ from harness.training.trainer import Diverged
 from harness.viewer.attended import Attention, attention_map
 
 COARSE_SECONDS = 0.1
-"""The seconds that a coarse frame of one method may take."""
 FINEST_STRIDE, COARSEST_STRIDE = 2, 16
 REGION = 16
 """The minimum side of a region in pixels: smaller chunks cost too much."""
@@ -46,7 +44,6 @@ class MethodView:
     cached: CachedMethod
     chunk: int
     rays_per_second: float = 20_000.0
-    """The pace, learnt from past rendering."""
 
     @staticmethod
     def of(cell: TrainedCell, store: ViewStore) -> "MethodView":

@@ -41,8 +41,6 @@ Coordinate = Annotated[float, Meta(ge=-FARTHEST, le=FARTHEST)]
 
 
 class Orbit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The position of a camera that looks at `target`, without roll."""
-
     target: tuple[Coordinate, Coordinate, Coordinate]
     azimuth: Angle
     """The angle counterclockwise from x, seen from above."""
@@ -59,9 +57,7 @@ class Orbit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 def orbit_of(camera_to_world: np.ndarray, centre: np.ndarray) -> Orbit:
     """Return the orbit with the given pose, without its roll; the target is the point of its optical axis nearest to
-    `centre` [3].
-
-    A camera that looks away from `centre` gets a target at the distance of `centre` in front of it.
+    `centre` [3]. A camera that looks away from `centre` gets a target as far in front of it.
     """
     eye, backward = camera_to_world[:3, 3], camera_to_world[:3, 2] / np.linalg.norm(camera_to_world[:3, 2])
     away = float(np.linalg.norm(eye - centre))

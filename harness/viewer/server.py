@@ -40,18 +40,14 @@ HEADERS = {
     "cache-control": "no-store",
 }
 MOST_CLIENTS = 64
-"""The maximum number of pages whose newest request is remembered."""
 MOST_STREAMS = 8
 """The maximum number of views in rendering: each holds its pictures in memory."""
 BODY_SECONDS = 10.0
-"""The seconds within which a request must arrive."""
 
 Made = TypeVar("Made")
 
 
 class Refused(BadRequest):
-    """A refusal with another HTTP status than 400."""
-
     def __init__(self, status: int, why: str) -> None:
         super().__init__(why)
         self.status = status
@@ -184,7 +180,6 @@ async def _break(request: Request, error: Exception) -> Response:
 
 
 async def _body(request: Request) -> bytes:
-    """Read the body, within the limits of size and time."""
     body = b""
     try:
         async with asyncio.timeout(BODY_SECONDS):

@@ -35,12 +35,11 @@ class TrueViews(NamedTuple):
 
 
 TRUTHS = 2
-"""The number of scenes whose decoded test views are kept."""
 
 
 @dataclass
 class ShownRun:
-    """A shown run. All but `listing` is called in the one thread that renders, so that nothing is locked."""
+    """A shown run. Only `listing` is called outside the thread that renders, so that nothing is locked."""
 
     run: FinishedRun
     view_sets: Path
@@ -57,7 +56,6 @@ class ShownRun:
     lenses: dict[str, Camera] = field(default_factory=dict)
     """Map scene → a camera with the lens of its views."""
     truths: dict[str, TrueViews] = field(default_factory=dict)
-    """The views of the scenes opened last."""
     sources: Counter[str] = field(default_factory=Counter)
     """The number of complete pictures by origin: a place of the view cache, or `rendered`."""
 
@@ -162,7 +160,6 @@ class ShownRun:
         return self.truths[scene.name]
 
     def method_view(self, scene: SceneRecord, method: str) -> engine.MethodView:
-        """Load a cell; raises `InputError` if it cannot be shown."""
         if (scene.name, method) not in self.loaded:
             cell = self.run.trained(scene, method, self.seed, self.device)
             view = engine.MethodView.of(cell, self.store)

@@ -20,7 +20,6 @@ DIGIT_DB = 0.05
 """The maximum error of a printed score by rounding."""
 
 Result = tuple[Verdict, Number | Pair, str]
-"""A verdict, its figure, and a note."""
 
 
 def _exactly(entry: Statement, value: Number | Pair, note: str = "") -> Result:

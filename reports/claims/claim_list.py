@@ -47,7 +47,6 @@ RULES: dict[str, tuple[str, Judge]] = {
     "lines": ("others", arithmetic.lines),
     "their code": ("others", arithmetic.their_code),
 }
-"""Quantity of a claim → its kind of statement, and its judge."""
 
 
 def claims(records: Records, shelves: ShelfRecords = NO_SHELVES) -> list[Claim]:

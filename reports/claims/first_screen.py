@@ -23,7 +23,6 @@ from reports.studies.check_words import describe
 
 PLACE = re.compile(r"\{([^{}]+)\}")
 MAX_CLAIMS = 8
-"""The maximum number of claims of a file that the first screen shows if the file does not choose them."""
 
 
 @dataclass(frozen=True)
@@ -79,9 +78,7 @@ def principal(records: Records, claims: list[Claim]) -> list[tuple[str, Claim]]:
 
 
 def question(records: Records, claims: list[Claim]) -> str:
-    """Return what a file of claims asks of a method of this run, or whether a stated claim holds, or how the methods
-    of this run compare.
-    """
+    """Return what a file of claims asks, or whether a stated claim holds, or how the methods of this run compare."""
     for file in records.run.claims or []:
         own = {claim.id: printed_text(claim).replace(" %", f"{NARROW}%") for claim in claims if claim.file == file.id}
         if file.question and set(file.methods) & set(records.methods):

@@ -20,13 +20,10 @@ from reports.data.wording import BUDGETS, counted, interval, listed, number, sig
 
 LOST = ("diverged", "error")
 FURTHER = 2
-"""The maximum number of contenders after the first that the sentences compare."""
 
 
 @dataclass(frozen=True)
 class Duel:
-    """One contender against one rival, at equal steps and at equal time."""
-
     method: str
     against: str
     steps: Comparison | None
@@ -68,9 +65,8 @@ def headline(records: Records) -> Headline:
 
 
 def title_of(vs_baseline: Outcome | None, vs_control: Outcome | None, control: str | None = None) -> str:
-    """State sign and size of the difference from the baseline at equal steps, and how much of it bandwidth explains.
-
-    `control` is the baseline with the bandwidth of φ, if it was run.
+    """State the difference from the baseline at equal steps, and how much of it bandwidth explains. `control` is the
+    baseline with the bandwidth of φ, if it was run.
     """
     if vs_baseline is None:
         return ""

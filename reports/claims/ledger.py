@@ -56,7 +56,6 @@ class Finding:
 class Claim(Finding):
     id: str
     file: str
-    """The id of the file that states it."""
     source: str
     statement: str
     printed: Number | Pair | None
@@ -91,9 +90,8 @@ MOST_SEEDS = 1000
 
 
 def half_unit(printed: Number, unit: str = "") -> float:
-    """Return half of the last printed digit, the maximum error by rounding: 1.4 → 0.05, 257 → 0.5, 67 000 → 500.
-
-    dB and hours are printed with one decimal, even if it is 0.
+    """Return half of the last printed digit, the maximum error by rounding: 1.4 → 0.05, 257 → 0.5, 67 000 → 500. dB and
+    hours are printed with one decimal, even if it is 0.
     """
     if unit in ("dB", "h"):
         return 0.05
@@ -115,8 +113,7 @@ def judge_gain(
 ) -> Verdict:
     """Compare a printed gain with the interval of the measured gain; without an interval nothing is settled.
 
-    The margin applies to numbers, not to bounds. A gain is above 0, unless a loss is claimed or, with `upwards` false,
-    lower is better.
+    The margin applies to numbers, not to bounds. A gain is above 0, unless a loss is claimed or not `upwards`.
     """
     if measured is None:
         return "inconclusive"
@@ -145,7 +142,6 @@ def judge_level(printed: Number | Pair, margin: float, measured: Pair | None, bo
 
 
 def ends(printed: Number | Pair) -> Pair:
-    """Return the ends of a range; both ends of a number are the number."""
     return printed if isinstance(printed, tuple) else (printed, printed)
 
 

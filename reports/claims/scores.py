@@ -78,12 +78,12 @@ def tried(bench: Bench, row: Comparison) -> bool:
 
 def _beside(bench: Bench, entry: Statement, method: str, against: str) -> str:
     """State another difference: on the scene of the claim (or all) if it was measured, else on the first with one."""
-    metric, wanted = entry.of["metric"], entry.of["scene"]
-    rows = [bench.records.comparison(scene, method, against, metric) for scene in (wanted, *bench.records.scenes)]
+    metric, claimed = entry.of["metric"], entry.of["scene"]
+    rows = [bench.records.comparison(scene, method, against, metric) for scene in (claimed, *bench.records.scenes)]
     row = next((row for row in rows if row is not None and row.difference is not None), None)
     if row is None:
         return ""
-    where, pair = f" on {row.scene}" if row.scene != wanted else "", on_them(row)
+    where, pair = f" on {row.scene}" if row.scene != claimed else "", on_them(row)
     shown = f"{method} − {against}{where}: {signed(row.difference)} {interval(pair)}".rstrip()
     if method == entry.of["method"] or entry.printed is None:
         return shown
@@ -95,11 +95,10 @@ class Part(NamedTuple):
     verdict: Verdict
     value: float
     seeds: int | None = None
-    """The number of seeds that would settle what is open."""
 
 
 def each_row(bench: Bench, entry: Statement) -> Finding:
-    """Judge a table row by row, each on its own scene, which is the only one that it is about."""
+    """Judge a table row by row, each on the scene that it is about."""
     column, metric = entry.of["column"], entry.of["metric"]
     how = f"mean test {metric.upper()} over seeds; each row on its own scene"
     if "against" in entry.of:

@@ -61,7 +61,6 @@ def _sides(row: TargetComparison) -> tuple[bool, bool]:
 
 
 def _note(row: TargetComparison, targets: TargetsRecord, names: dict[str, str]) -> str:
-    """State the target, how many runs of each method reached it, and whether the saving is a bound."""
     parts, (method, against) = [], (names.get(name, name) for name in (row.method, row.against))
     if row.pairs:
         ours, theirs = (count(row.pairs - never) for never in row.never)

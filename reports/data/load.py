@@ -91,7 +91,6 @@ class Records:
 
     @property
     def rivals(self) -> list[str]:
-        """Return baseline and control, with which contenders are compared."""
         return [self.baseline, *([self.control] if self.control else [])]
 
     @property
@@ -124,9 +123,9 @@ class Records:
     def comparison(
         self, scene: str, method: str, against: str, metric: str = "psnr", budget: str = "steps"
     ) -> Comparison | None:
-        wanted = (scene, method, against, metric, budget)
+        key = (scene, method, against, metric, budget)
         for row in (*self.comparisons, *self.extra_comparisons):
-            if (row.scene, row.method, row.against, row.metric, row.budget) == wanted:
+            if (row.scene, row.method, row.against, row.metric, row.budget) == key:
                 return row
         return None
 

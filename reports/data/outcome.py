@@ -10,7 +10,6 @@ from harness.verdicts.changes import Change
 from reports.data.wording import interval, listed, number, signed
 
 FEW_SCENES = 3
-"""The maximum number of scenes at which an open sign is explained by their number."""
 MARGIN = f"{METRICS[PRIMARY].smallest_of_interest:g} dB"
 NUMBERS = {1: "one", 2: "two", 3: "three", 4: "four", 5: "five", 6: "six", 7: "seven", 8: "eight", 9: "nine"}
 

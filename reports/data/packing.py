@@ -1,8 +1,8 @@
 """Pictures as the page's script reads them: quantised, delta-coded, deflated, in base64.
 
 The bytes are planes, one after the other: channel by channel, for 16 bits all high bytes of a channel and then all its
-low ones. In a plane every byte is its difference from the one on its left, the first of a row from the first of the row
-above, modulo 256.
+low ones. In a plane every byte is its difference from the byte on its left, the first of a row from the first of the
+row above, modulo 256.
 """
 
 import base64

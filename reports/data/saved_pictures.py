@@ -17,9 +17,7 @@ NOT_KEPT = "no picture was kept"
 @dataclass(frozen=True)
 class Kept:
     truth: dict[str, Truth]
-    """The truth by view, in the order of the file."""
     renders: dict[tuple[str, int], list[Render]] = field(default_factory=dict)
-    """The renders by method and seed; at least one each."""
     missing: dict[tuple[str, int], str] = field(default_factory=dict)
 
 

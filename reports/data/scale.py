@@ -92,7 +92,6 @@ def is_at_scale(records: Records, file: ClaimFile, scene: str = "all") -> bool:
 
 
 def standing(records: Records, file: ClaimFile) -> str:
-    """State the subject of verdicts on trained methods, in a sentence."""
     if file.scale is None:
         return "Claims about any run, tested on this one"
     name, same = file.title, has_settings(records, file.scale)
@@ -114,7 +113,6 @@ def _resolutions(records: Records) -> str:
 
 
 def _between(values: Iterable[int]) -> str:
-    """Return the value, or the range of several values; nothing without any."""
     ends = sorted(values)
     return "–".join(dict.fromkeys(map(count, [*ends[:1], *ends[-1:]])))
 

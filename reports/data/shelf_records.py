@@ -7,8 +7,6 @@ from harness.records.study import Studies
 
 @dataclass(frozen=True)
 class ShelfRecords:
-    """The studies of a run's folder; None for a shelf that was not measured."""
-
     stability: Studies | None = None
     evidence: Studies | None = None
     serving: Studies | None = None

@@ -15,8 +15,6 @@ SCORES = (*METRICS, "psnr_train", "psnr_ceiling", "psnr_floor")
 
 @dataclass(frozen=True)
 class Spread:
-    """A mean over seeds with the number of its values."""
-
     mean: float | None
     sd: float | None
     low: float | None

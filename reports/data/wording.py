@@ -26,11 +26,9 @@ def mark_of(verdict: TwoWords) -> str:
 
 
 BUDGETS = {"steps": "equal steps", "seconds": "equal training time", "core_seconds": "equal core seconds"}
-"""The budget of a comparison → what the compared methods share."""
 NOTHING = "–"
 MINUS = "−"
 NARROW = "\u202f"
-"""The space between a number and its unit."""
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 

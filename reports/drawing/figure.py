@@ -123,7 +123,6 @@ def draw(panel: Panel) -> Figure:
 
 
 def paint(axes: Axes, panel: Panel) -> None:
-    """Paint the panel's traces and axes onto existing axes."""
     for name in "xy":
         if (limits := getattr(panel, f"{name}_limits")) is not None:
             # first: otherwise Matplotlib derives limits from all numbers, however large

@@ -35,7 +35,6 @@ def smaller(picture: Picture, side: int) -> Picture:
 
 
 BYTES_PER_PIXEL = 2.6
-"""The approximate bytes per pixel of a PNG in base64."""
 SIZES = (400, 320, 256, 200, 160, 128, 100, 64)
 LARGEST_PIXELS = 1 << 24
 """The maximum number of pixels of a picture that is read: a damaged file may claim any size."""

@@ -50,7 +50,6 @@ SURFACES = (
     Colour("--finding-ground", "#f6eef8", "#2c2131"),
     Colour("--bad-ground", "#fdeae3", "#3a1f16"),
 )
-"""The colours of the page itself, which drawings do not use."""
 
 EVERY = (*KNOWN.values(), *OTHERS, INK, MUTED, RULE, PAPER)
 

@@ -17,7 +17,7 @@ from reports.drawing.traces import Panel, Trace
 
 WIDE = (5.8, 3.6)
 MARKED = 14
-"""The maximum number of marked points of a line that has more than twice as many."""
+"""The maximum number of marked points of a line that has more than twice this number of points."""
 FOOT = 10.0
 """The factor by which the foot of a logarithmic axis lies below the smallest positive value."""
 
@@ -35,7 +35,6 @@ class Chart(NamedTuple):
     keys: list[tuple[str, Markup]]
     svg: Markup
     notes: list[str]
-    """The meaning of its special marks, if it has any."""
     wide: bool = False
 
 

@@ -20,9 +20,7 @@ class Entry:
     tone: str = ""
     """`above gain`, `below loss`, … for a sign, `open`, `failed`, `muted`, or nothing."""
     value: float | str | None = field(default=None, compare=False)
-    """The value for sorting and saving: the unrounded number, or the scene if its name is not repeated; None if the
-    text itself is the value.
-    """
+    """For sorting and saving: the unrounded number, or a scene whose name is not repeated; None if it is the text."""
     parts: Mapping[str, float | str | None] = field(default_factory=dict, compare=False)
     """Additional values for saving, by name: the ends of an interval, a standard deviation, a unit."""
     runs: Selection | None = field(default=None, compare=False)

@@ -109,9 +109,7 @@ class Layout:
         fold_origins: bool = False,
         **content: object,
     ) -> str:
-        """Return a page as text; sections without parts are left out. `files` allows script files next to the page,
-        `rules` are additional style rules.
-        """
+        """Return a page as text; sections without parts are left out. `files` allows script files next to the page."""
         origins = [
             self.parts.folded(name, self.parts.terms("provenance", pairs), place == 0)
             for place, (name, pairs) in enumerate(provenance)
@@ -143,7 +141,6 @@ def named(text: str, colours: dict[str, palette.Colour]) -> Markup:
 
 
 def anchor(kind: str, name: str) -> str:
-    """Return the id of a section: readable for a plain word, and safe for any other name."""
     readable = name if re.fullmatch("[A-Za-z0-9_]+", name) else "-" + name.encode().hex()
     return f"{kind}-{readable}".replace("_", "-")
 

@@ -1,6 +1,4 @@
-"""The ceiling of density: how opaque geometry one pixel thick can be in each bounded method of a run, and which share
-of its pictures comes from densities at this ceiling.
-"""
+"""The ceiling of density: how opaque geometry one pixel thick can be, and how much of a picture is at the ceiling."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from statistics import fmean
@@ -11,7 +9,6 @@ from reports.data.wording import NARROW, bare, counted, number
 OPAQUE = 0.99
 """The opacity of geometry one pixel thick below which a method's constant limits it."""
 Properties = Mapping[str, float | str | None]
-"""The properties of a cell, by name."""
 
 
 def ceilings(records: Records) -> list[str]:
@@ -22,7 +19,6 @@ def ceilings(records: Records) -> list[str]:
 
 
 def lines_of(methods: Iterable[tuple[str, Sequence[Properties]]]) -> list[str]:
-    """Return the line of each bounded method, from its name and the properties of its cells."""
     lines = []
     for method, cells in methods:
         opacities, limits, shares = (

@@ -27,9 +27,7 @@ EVERYWHERE = "all scenes"
 NEAR_DB = 2.0
 """The maximum distance in dB from the curves at which a floor or ceiling is drawn; the table has all of them."""
 FURTHEST = 10
-"""The maximum factor between the smallest error and a floor that is drawn; a lower floor would squeeze the curves, and
-is stated instead.
-"""
+"""The maximum factor between the smallest error and a drawn floor: a lower floor would squeeze the curves."""
 SMALL, LARGE = (3.7, 2.6), (6.1, 4.4)
 """The size in inches of the panel of a scene, and of all scenes together."""
 ENDS = {"diverged": "diverged", "error": "failed", "not_available": "not available"}
@@ -105,7 +103,6 @@ class Diagram:
     cost: Choice
     panels: list[Panel]
     notes: list[list[str]]
-    """The notes of each panel: what diverged, what could not be drawn."""
 
     @property
     def name(self) -> str:

@@ -25,8 +25,6 @@ SIDES = ("before", "after")
 
 
 class Mean(NamedTuple):
-    """The mean shares over the seeds of a method on a scene, at one step."""
-
     edges: tuple[float, ...]
     shares: dict[str, tuple[float, ...]]
     step: int
@@ -40,9 +38,7 @@ def is_histogram(point: Checkpoint) -> bool:
 
 
 def density_histograms(records: Records) -> list[Panel]:
-    """Draw a panel for each scene and method with an amplifier: the mean over the finished runs, or over all runs if
-    none finished.
-    """
+    """Draw a panel for each scene and method with an amplifier: the mean over the finished runs, else over all."""
     amplified = amplified_methods(records)
     panels = []
     for scene in records.scenes:
@@ -148,7 +144,6 @@ def separation(density: dict[str, list[float]]) -> float | None:
 
 
 def separation_grid(records: Records) -> Grid:
-    """Tabulate `separation` at the end of training: means over the finished seeds."""
     columns = [Column("scene", numeric=False), *(Column(method, method) for method in records.methods)]
     rows = []
     for scene in records.scenes:

@@ -85,7 +85,6 @@ class Drawn(NamedTuple):
     panels: Callable[[Records], list[Panel]]
     title: str = ""
     legend: str = ""
-    """The meaning of lines and marks, after the methods' colours."""
     note: str = ""
     wide: bool = False
     all_first: bool = False

@@ -194,7 +194,6 @@ def costs_grid(records: Records) -> Grid:
 
 
 def mean_weights(cells: list[CellRecord]) -> float | None:
-    """Return the mean number of weights; cells differ if a method adds and removes primitives."""
     totals = [cell.parameters["total"] for cell in cells if "total" in cell.parameters]
     return fmean(totals) if totals else None
 
@@ -248,7 +247,6 @@ def failures_grid(records: Records) -> Grid:
 
 
 def warnings_grid(records: Records) -> Grid:
-    """Tabulate warnings; equal warnings of the same scene and method share a row."""
     columns = [Column(name, numeric=False) for name in ("scene", "method", "seeds", "warning")]
     seeds_of: dict[tuple[str, str, str], list[int]] = {}
     for cell in records.cells:

@@ -27,13 +27,10 @@ ALIKE: tuple[Budget, ...] = ("steps", "seconds")
 """The budgets at which outputs are compared."""
 FIRST, OTHER = "first", "other"
 SAME_CLOCK = ("processor", "cores", "threads", "waiting", "device")
-"""The facts that two runs must share before their seconds are compared. The clocks of records without `waiting` did not
-count batches.
-"""
+"""The facts that two runs must share before seconds are compared; without `waiting`, batches were not counted."""
 DASHES = (("solid:", ()), ("dashed:", (5.0, 2.0)), ("dotted:", (1.5, 1.5)), ("dash-dotted:", (6.0, 2.0, 1.5, 2.0)))
 """The dashes of the outputs; further outputs start again from the first."""
 FEW = 3
-"""The number of scenes that a headline names; more are counted."""
 ABOUT_SCORES = (
     "Means over finished seeds ± sample standard deviation. A difference is paired by scene and seed, and judged like "
     "a difference between methods: its 95 % interval, below it the wider interval of all that are looked at together, "
@@ -43,8 +40,6 @@ ABOUT_SCORES = (
 
 @dataclass(frozen=True)
 class Output:
-    """A run with a name that distinguishes it from the others, and a letter for the heads of columns."""
-
     letter: str
     name: str
     records: Records
@@ -54,18 +49,14 @@ class Output:
 class Against:
     other: Output
     identical: int
-    """The number of cells with the same results, bit for bit."""
     shared: int
-    """The number of cells that both have."""
     unshared: list[str]
     """The names of the cells that only one of them has."""
     unlike: dict[str, str]
     """Scene → how its ground truth differs, so that its scores are not comparable."""
     same_clock: bool
     rows: dict[tuple[str, str, str, str], Judgement]
-    """Scene (or `all`: those with the same ground truth in both), method, metric and budget → the difference
-    `other` − `first`.
-    """
+    """Scene (or `all` with the same ground truth), method, metric and budget → the difference `other` − `first`."""
 
     def row(self, scene: str, method: str, metric: str = PRIMARY, budget: str = "steps") -> Judgement | None:
         return self.rows.get((scene, method, metric, budget))
@@ -130,7 +121,7 @@ def _rows(pairs: list[tuple[CellRecord, CellRecord]], same_clock: bool) -> dict[
                 table = differences(keyed, scenes, seeds, OTHER, FIRST, metric, budget)
                 if about.optional and not any(np.isfinite(values).any() for values in table.values()):
                     continue
-                # a seed that a scene has in neither run is not a lost pair
+                # a seed that neither run has on a scene is not a lost pair
                 started = {scene: values[has[scene]] for scene, values in table.items()}
                 for scene in scenes:
                     family = family_of(metric, scene, len(scenes))

@@ -1,9 +1,7 @@
-"""Rendered views next to their ground truth: still pictures for print and for readers without a script, and the
-picture data of the comparer.
+"""Rendered views next to their ground truth: stills for print and readers without a script, and data for the comparer.
 
 The stills show the first kept view of each scene, of the first seed in which most methods have a picture of their last
-checkpoint. They are base64 PNGs, reduced if a large run would make the page heavy. All other saved renders are in the
-picture data.
+checkpoint. They are base64 PNGs, reduced if a large run would make the page heavy.
 """
 
 import re
@@ -94,7 +92,6 @@ def last_render(pictures: Kept, cell: CellRecord, view: str) -> Render | None:
 
 
 def as_picture(values: np.ndarray) -> Picture:
-    """Convert float16 display colour to the displayed picture."""
     return np.clip(np.asarray(values, dtype=np.float64), 0.0, 1.0)
 
 
@@ -135,13 +132,10 @@ BRIGHT = 1.0 + 1 / 256
 class SceneData:
     entry: JsonObject
     renders: list[tuple[int, dict[str, object], dict[str, str]]] = field(default_factory=list)
-    """The triples (importance, row, id → base64), in the order of methods, seeds, steps and views; the row is empty if
-    it is not packed.
-    """
+    """(importance, row, id → base64), in the order of methods, seeds, steps and views; no row if not packed."""
     texts: dict[str, str] = field(default_factory=dict)
     """The pictures of the truth: id → base64."""
     left_out: Counter[int] = field(default_factory=Counter)
-    """The number of renders that did not fit, by importance."""
     unshown: bool = False
     """Whether there are renders but no truth."""
 

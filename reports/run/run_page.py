@@ -51,7 +51,6 @@ TABLES = {
     "Weights": ("parameters", metrics_table.parameters_grid),
     "Left out": ("left_out", metrics_table.left_out_grid),
 }
-"""Title → id and table of a section that holds only this table."""
 CONVERGENCE = (
     "Thin: one seed. Thick: mean of the finished seeds. A cross: where a run diverged. Dashed: the floor (copying the "
     "nearest training view) and, where it is near, the ceiling (noise of the ground truth). "
@@ -79,7 +78,7 @@ CLAIMS = Markup(
 
 
 def page(records: Records, shelves: ShelfRecords = NO_SHELVES) -> str:
-    """Return the complete page as text, with a section for each record of `beside`."""
+    """Return the complete page, with a section for each record of `shelves`."""
     return _page(records, shelves, picture_data(records), {})
 
 
@@ -278,9 +277,8 @@ def provenance(records: Records) -> shell.Groups:
 def write_page(
     records: Records, path: Path, shelves: ShelfRecords = NO_SHELVES, shown: dict[str, ShelfShown] | None = None
 ) -> None:
-    """Write the pictures, then the page, each atomically: a reader never sees an incomplete page.
-
-    `shown` holds, by shelf, the sections of studies that were already laid out.
+    """Write the pictures, then the page, each atomically: a reader never sees an incomplete page. `shown` holds, by
+    shelf, the sections of studies that were already laid out.
     """
     pixels = picture_data(records)
     files = pixels.files if pixels else {}

@@ -1,7 +1,4 @@
-"""A turn around each scene: small JPEGs of its test views in the order of azimuth, the methods below the truth.
-
-They are approximate; the pictures of the comparer are exact.
-"""
+"""A turn around each scene: small, approximate JPEGs of its test views by azimuth, the methods below the truth."""
 
 from typing import NamedTuple
 
@@ -15,7 +12,6 @@ from scenes.files.errors import DamagedRecord
 
 BUDGET_BYTES = 2_000_000
 BYTES_PER_PIXEL = 0.28
-"""The approximate bytes per pixel of a JPEG in base64."""
 SIDES = (100, 50, 34, 25)
 QUALITY = 75
 

@@ -16,7 +16,6 @@ class Look(NamedTuple):
     mark: str
     word: str
     short: str
-    """The text of a narrow cell without a figure."""
     meaning: str
 
 

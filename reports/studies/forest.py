@@ -1,6 +1,4 @@
-"""Effects → forest plots: a row per effect with its difference and both intervals, on an axis that all forests of a
-metric share; and the table with all facts about every effect.
-"""
+"""Effects → forest plots, a row per effect, whose axis all forests of a metric share; and a table of all facts."""
 
 from textwrap import fill
 

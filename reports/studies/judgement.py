@@ -300,7 +300,6 @@ def judgement_page(record: JudgementRecord) -> str:
 
 
 def write_judgement_page(record: JudgementRecord, out: Path) -> Path:
-    """Write the page into `out`; returns its path."""
     path = out / "judgement.html"
     write_atomically(path, judgement_page(record), fsync=False)
     return path

@@ -31,8 +31,6 @@ LEAST_COLUMNS = 12
 
 
 class Cell(NamedTuple):
-    """The worst outcome of one study on one subject."""
-
     subject: str
     tone: Tone
     mark: str

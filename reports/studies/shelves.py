@@ -13,22 +13,17 @@ class ShelfWords:
     link: str
     noun: tuple[str, str]
     check: tuple[str, str]
-    """The name of a check that the headline counts."""
     passes: tuple[str, str] = ("holds", "hold")
     nothing: str = ""
     """The headline if there is no such check, instead of the title."""
     owner: Owner = "ours"
-    """The owner of the checks that the headline counts."""
     outcomes: str = "Properties found"
     """The title of the section with the machine's targets and the failures of the paper's and the usual forms."""
     groups: dict[str, str] = field(default_factory=dict)
     """The first letter of a study's id → the title of its part of the matrix; empty if there is no matrix."""
     chapters: dict[int, str] = field(default_factory=dict)
-    """`item` of lines, tables and pictures → the title of the section that collects them from all studies; empty if
-    each study shows its own.
-    """
+    """`item` of lines, tables and pictures → the title of the section that collects them from all studies."""
     folded: bool = False
-    """Whether studies are folded at first."""
 
 
 WORDS = {

@@ -29,7 +29,6 @@ from scenes.files.json_object import JsonObject
 AT_ONCE = 4
 """The number of answers after the first that are not folded."""
 BUDGET_BYTES = 3_000_000
-"""The maximum size of all pictures together, in base64."""
 SIDES = (640, 480, 320, 240, 160, 96)
 SMALL = 200
 """The maximum side in pixels of a picture that is shown enlarged with sharp pixels."""
@@ -44,8 +43,6 @@ class ShownPicture(NamedTuple):
 
 
 class ShelfShown(NamedTuple):
-    """A shelf as the report and its own page show it."""
-
     record: Studies
     words: ShelfWords
     headline: str
@@ -280,7 +277,6 @@ def study_page(shown: ShelfShown, has_report: bool = False) -> str:
 
 
 def write_study_page(shown: ShelfShown, out: Path, has_report: bool = False) -> Path:
-    """Write the page into `out`; returns its path."""
     path = out / page_of(shown.record.shelf)
     write_atomically(path, study_page(shown, has_report), fsync=False)
     return path

@@ -18,7 +18,6 @@ _STRESS = {
 }  # fmt: skip
 STRESS: dict[str, str] = {name: f"scenes.catalog.stress.{file}" for name, file in _STRESS.items()}
 RUNGS: dict[str, str] = {rung: "scenes.catalog.ladders.rungs" for ladder in LADDERS.values() for rung in ladder.scenes}
-"""The scenes of increasing difficulty (`scenes.catalog.ladders.ladders`)."""
 CATALOG: dict[str, str] = {**CLASSICS, **STRESS, **RUNGS}
 """Map scene name → the module that holds it as `SCENE` or in `SCENES`; imported on demand."""
 

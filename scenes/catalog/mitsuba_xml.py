@@ -4,7 +4,6 @@ Its shapes, materials and lights are used unchanged. Its sensors, film and integ
 of all scenes, about the box of the visible geometry (`scenes.modelling.scene`).
 
 Trust: Mitsuba reads every file that the XML names, anywhere on the disk, in a separate process with the user's rights.
-Read an XML file from another person before you render it.
 """
 
 import os
@@ -36,7 +35,6 @@ LONGEST_VALUE = 1 << 16
 MOST_PARTS = 100_000
 """The maximum number of described parts; a part referred to twice counts twice."""
 DEEPEST_PART = 8
-"""The deepest level of parts within parts that are described."""
 _PLUGINS = frozenset({"shape", "bsdf", "emitter", "medium", "texture", "volume", "phase"})
 _NUMBERS = frozenset({"float", "rgb", "spectrum"})
 
@@ -44,7 +42,7 @@ _NUMBERS = frozenset({"float", "rgb", "spectrum"})
 def xml_scene(file: Path, name: str) -> Scene:
     """Return the scene of an XML file; images depend on its bytes and on those of every file that it names.
 
-    Raises `InputError`, naming the file, if it is no XML or no scene.
+    Raises `InputError`, naming the file, if it is not XML or not a scene.
     """
     reader = _Reader(file)
     if reader.root.tag != "scene":
@@ -111,8 +109,6 @@ def cautious(known: Needs) -> Needs:
 
 
 class _Reader:
-    """A file and the files that it includes, each read once."""
-
     def __init__(self, file: Path) -> None:
         """Read the file. Raises `InputError` if it, or a file that it includes, cannot be read."""
         self.files: dict[str, str] = {}
@@ -199,9 +195,7 @@ class _Reader:
         return value
 
     def up(self) -> np.ndarray:
-        """Return the upward direction of the first sensor with a place: the `up` of its <lookat>, or the second column
-        of its matrices and turns; else z.
-        """
+        """Return the upward direction of the first sensor with a place, by its <lookat> or matrices; else z."""
         for element in self.elements:
             if element.tag != "sensor":
                 continue

@@ -35,7 +35,6 @@ def name_of_file(file: Path) -> str:
 
 
 def check_scene_file(file: Path) -> None:
-    """Raise `InputError` for a missing file or an unknown suffix."""
     if file.suffix.lower() not in SUFFIXES:
         raise InputError(f"--scene-file {file}: name a Mitsuba scene (.xml) or a Python file (.py)")
     if not file.is_file():

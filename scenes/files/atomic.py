@@ -38,7 +38,7 @@ def replacing(path: Path, suffix: str = "") -> Iterator[Path]:
         yield temporary
         temporary.replace(path)
     except OSError as error:
-        named = error.filename  # None where a write failed: the system does not say of which file
+        named = error.filename  # None where a write failed: the system does not name the file
         elsewhere = isinstance(named, str) and not (Path(named).is_relative_to(temporary) or path.is_relative_to(named))
         if elsewhere or error.errno is None:
             raise

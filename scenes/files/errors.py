@@ -1,13 +1,10 @@
 """Exceptions of which a user sees only the message."""
 
 LONGEST = 1500
-"""The largest number of characters of a message."""
 
 
 class _Readable(ValueError):
-    """Text from a file can hold anything: a long message is cut, and control characters, line ends included, are
-    escaped.
-    """
+    """Text from a file can hold anything: long messages are cut and control characters (line ends too) are escaped."""
 
     def __init__(self, message: object = "") -> None:
         super().__init__(readable(str(message)).replace("\n", "\\n"))

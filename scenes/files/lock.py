@@ -1,8 +1,7 @@
 """A lock on a file, which the system releases when its holder dies; containers that share the disk see it.
 
 The file is opened here and its descriptor locked by `filelock`: no link is followed, a query creates no file, and it
-takes 0.015 ms, compared with 0.12 ms for a `filelock.FileLock`. Locks belong to descriptors, so threads exclude each
-other as well.
+takes 0.015 ms, not 0.12 ms as with `filelock.FileLock`. Locks belong to descriptors, so threads exclude each other.
 """
 
 import errno
@@ -22,12 +21,9 @@ NOTE_BYTES = 500
 
 
 class LockTaken(BlockingIOError):
-    """Another process or thread holds the lock."""
-
     def __init__(self, path: Path, note: bytes) -> None:
         super().__init__(errno.EAGAIN, "locked by another process", str(path))
         self.note = note
-        """The text that its holder wrote into the file."""
 
 
 class Lock:

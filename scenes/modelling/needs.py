@@ -83,13 +83,10 @@ SCALES = (1e-2, 1e2)
 UNSUPPORTED = frozenset({"linear_quadrature"})
 """The parts that no method has: the need is reported, but nothing is left out."""
 KEPT = {"high_bands": "the bands are what is compared; see nerf_matched"}
-"""The reasons why parts are kept although they are not needed."""
 
 
 @dataclass(frozen=True)
 class Need:
-    """Whether a scene needs a part, and which fact of the scene decides it."""
-
     name: str
     needed: bool
     reason: str
@@ -154,24 +151,18 @@ def needs(
 
 
 def left_out(known: Needs) -> list[dict[str, object]]:
-    """Return what method, renderer and scores omit: `{"name", "what", "reason", "concerns", "bound", "unit"}`.
-
-    The result is plain data, as a manifest keeps it.
-    """
+    """Return plain data on what is left out: `{"name", "what", "reason", "concerns", "bound", "unit"}`."""
     omitted = [need for need in known.values() if not need.needed and not need.kept and need.name not in UNSUPPORTED]
     # in the order of the keys that manifests have
     return [{"name": need.name, "what": need.part.what, "reason": need.reason, **asdict(need.part)} for need in omitted]
 
 
 def part_name(what: str, name: str = "") -> str:
-    """Return the name of the part in a row of `left_out`, or an empty string for an unknown part. Rows of older
-    manifests and records have only `what`.
-    """
+    """Return the name of the part in a row of `left_out`, in older ones from `what`; empty for an unknown part."""
     return name or next((known for known, part in PARTS.items() if part.what == what), "")
 
 
 def as_rows(known: Needs) -> list[dict[str, object]]:
-    """Return every need as plain data; `needs_of` reads it."""
     return [asdict(need) for need in known.values()]
 
 

@@ -30,7 +30,6 @@ _UNIT_BOXES = {
     "disk": ((-1.0, -1.0, 0.0), (1.0, 1.0, 0.0)),
 }
 SHAPES = frozenset({"mesh", "sphere", "cylinder", *_UNIT_BOXES})
-"""The shapes whose size can be computed here."""
 INFINITE = frozenset({"constant", "envmap", "directional"})
 """The lights that are invariant under uniform scaling and translation."""
 

@@ -33,7 +33,6 @@ def mirrored(solid: Solid) -> Solid:
 
 
 Parts = dict[str, list[Solid]]
-"""Map name of a material → solids made of it."""
 
 
 def together(*groups: Parts) -> Parts:

@@ -35,8 +35,6 @@ Light comes from infinitely far away (constant, envmap, directional) and is not 
 
 @dataclass(frozen=True)
 class Scene:
-    """A scene that Mitsuba renders."""
-
     name: str
     title: str
     """The contents and their difficulty; shown in the report."""
@@ -61,7 +59,6 @@ class Scene:
     """
 
     def __post_init__(self) -> None:
-        """Raise `InputError` for an invalid interval of distances."""
         if not 0 < self.near < self.far < float("inf"):
             raise InputError(
                 f"scene {self.name}: near {self.near} and far {self.far}: distances must be positive and finite, "

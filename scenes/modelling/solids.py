@@ -1,7 +1,4 @@
-"""Solids as triangle meshes: plain arrays, z up, outward-facing triangles.
-
-A `Solid` is geometry without material; `mesh(solid, bsdf)` makes the entry of a scene description.
-"""
+"""Solids as triangle meshes: geometry without material, plain arrays, z up, outward-facing triangles."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -28,7 +25,6 @@ class Solid:
         return self.transformed(trimesh.transformations.translation_matrix([x, y, z]))
 
     def turned(self, degrees: float, axis: Sequence[float] = (0.0, 0.0, 1.0)) -> "Solid":
-        """Return the solid turned about an axis through the origin."""
         return self.transformed(trimesh.transformations.rotation_matrix(np.radians(degrees), axis))
 
     def scaled(self, x: float, y: float | None = None, z: float | None = None) -> "Solid":
@@ -95,13 +91,11 @@ def rounded_box(x: float, y: float, z: float, radius: float, segments: int = 4) 
 
 
 def cylinder(radius: float, height: float, segments: int = 32) -> Solid:
-    """A closed cylinder about z, centred at the origin."""
     shape = trimesh.creation.cylinder(radius=radius, height=height, sections=segments)
     return Solid(np.asarray(shape.vertices), np.asarray(shape.faces))
 
 
 def ball(radius: float, segments: int = 32) -> Solid:
-    """A sphere with smooth normals."""
     shape = trimesh.creation.uv_sphere(radius=radius, count=[segments, segments])
     vertices = np.asarray(shape.vertices)
     return Solid(vertices, np.asarray(shape.faces), None, vertices / radius)
@@ -262,5 +256,4 @@ def spline(points: Sequence[Point] | np.ndarray, count: int, closed: bool = Fals
 
 
 def rod(start: Point, end: Point, radius: float, sides: int = 16) -> Solid:
-    """A straight round bar between two points."""
     return tube(np.array([start, end], dtype=np.float64), radius, sides)

@@ -35,7 +35,6 @@ def texture(pixels: np.ndarray, repeat: float = 1.0) -> Description:
 
 
 def both_sides(bsdf: Description) -> Description:
-    """Make a material for sheets without thickness."""
     return {"type": "twosided", "bsdf": bsdf}
 
 

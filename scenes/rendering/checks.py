@@ -22,8 +22,6 @@ BLOCK = 8
 
 @dataclass(frozen=True)
 class Comparison:
-    """A comparison of the same views rendered twice, with independent noise."""
-
     scene: str
     seconds: dict[str, float]
     """The seconds of rendering all views, by integrator, without compilation."""
@@ -95,9 +93,8 @@ AZIMUTH, ELEVATION = np.radians(40.0), TILT + np.radians(18.0)
 def write_sheet(
     out: Path, names: list[str] | None = None, resolution: int = 400, spp: int = 256, variant: str | None = None
 ) -> None:
-    """Render each scene once from the front right and above, and write them with their names as one PNG.
-
-    Raises `InputError` for an unknown scene or a file that cannot be written.
+    """Render each scene once from the front right and above, and write them with their names as one PNG. Raises
+    `InputError` for an unknown scene or a file that cannot be written.
     """
     import matplotlib
     from matplotlib.figure import Figure

@@ -76,8 +76,6 @@ def tracked(
 
 @dataclass(frozen=True)
 class Differentiated:
-    """The colours of rays, and the gradient of their weighted sum."""
-
     colour: np.ndarray
     """The colours, [rays, 3]."""
     d_sigma: np.ndarray

@@ -27,7 +27,7 @@ from scenes.view_sets.manifest import DamagedViewSet, read_manifest
 from scenes.view_sets.view_set import ViewSet
 
 CELLS = 32
-"""The number of points along each side of the box, in the middles of as many equal cells."""
+"""The number of points along each side of the box, at the centres of equal cells."""
 THIN = frozenset({"rectangle", "disk", "cylinder"})
 OFF_THE_GRID = (1.3e-7, 2.9e-7)
 """The share of the box by which columns are moved in x and y, so that none runs along an edge."""

@@ -23,7 +23,6 @@ class NoiseTarget:
     ceiling_db: float
     """The PSNR of an image with that noise against the same image without noise."""
     most: int
-    """The maximum number of samples per pixel, even if more noise is left."""
     least: int = 4
 
 
@@ -106,5 +105,4 @@ def similarity_facts(change: Similarity | Placement | None) -> dict[str, object]
 
 
 def versions() -> dict[str, str]:
-    """Return the versions, read from package metadata, which does not import the packages."""
     return {name: importlib.metadata.version(name) for name in ("mitsuba", "drjit")}

@@ -281,7 +281,6 @@ def even_spp(spp: int) -> int:
 
 
 def seed_from(*parts: object) -> int:
-    """Return a 32-bit seed from the values that identify its purpose."""
     return int.from_bytes(hashlib.sha256(repr(parts).encode()).digest()[:4], "big")
 
 

@@ -2,8 +2,7 @@
 
 The noise of n samples is a / n, from light and materials, plus b / n^1.5, from edges and textures, where the sampler's
 strata help; two numbers of samples give a and b. These views have separate seeds, so the choice is reproducible with
-the same variant. Another variant has other random numbers and may choose the next number up or down; the manifest
-records it.
+the same variant. Another variant may choose the next number up or down; the manifest records it.
 """
 
 import math

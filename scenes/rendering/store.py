@@ -46,15 +46,14 @@ def ensure_view_set(
     A scene of the catalogue is given by name, a user's scene (`scenes.catalog.scene_file`) as a `Scene`. `counts` and
     `spp` (samples per pixel, 2 or more, or the noise that they may leave) have keys train, val and test. With `variant`
     None a cached set of any variant is used, else the fastest variant that works renders it. Several processes may
-    request the same set at once. `say` receives the fault of a cached set. Raises `InputError` for a bad request or a
-    folder that cannot be written.
+    request the same set at once. `say` receives the fault of a cached set. Raises `InputError`.
     """
     own = None if isinstance(scene_name, str) else scene_name.file
     with mistakes_in(own):
         order = checked_order(scene_name, resolution, counts, spp, integrator)
-    wanted = known_variant(variant)
+    requested = known_variant(variant)
     cache = Path(cache_folder)
-    for name in VARIANTS if wanted is None else (wanted,):
+    for name in VARIANTS if requested is None else (requested,):
         with mistakes_in(own):  # a description that is not plain data has no digest
             stored = _folder(cache, order, name)
         if is_complete(stored):
@@ -93,9 +92,7 @@ def is_stored(
     scene_name: str, resolution: int, counts: dict[str, int], spp: Mapping[str, int | NoiseTarget], cache_folder: Path,
     integrator: str | None = None,
 ) -> bool:  # fmt: skip
-    """Return whether a folder of the view set's name exists, complete or not; arguments and errors are those of
-    `ensure_view_set`.
-    """
+    """Return whether the view set's folder exists, complete or not; arguments and errors as for `ensure_view_set`."""
     order = checked_order(scene_name, resolution, counts, spp, integrator)
     return any(_folder(cache_folder, order, name).is_dir() for name in VARIANTS)
 
@@ -139,7 +136,6 @@ def is_complete(folder: Path) -> bool:
 
 
 def first_fault(folder: Path) -> str | None:
-    """Return what is wrong with a stored view set, for a message."""
     try:
         check_all(folder)
     except InputError as error:

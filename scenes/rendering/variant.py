@@ -64,8 +64,6 @@ print("rendered")
 
 @dataclass(frozen=True)
 class Variant:
-    """A variant that has rendered on this machine."""
-
     name: str
     libllvm: str | None
     """The library that Dr.Jit must load, or None if it needs none."""
@@ -79,21 +77,17 @@ class Variant:
 
 
 def known_variant(name: str | None) -> str | None:
-    """Return the name, or None for `auto`; `HARNESS_MITSUBA_VARIANT` decides if no name is given.
-
-    Raises `InputError` that lists the known names.
-    """
-    wanted = name or os.environ.get(FORCE) or "auto"
-    if wanted not in (*VARIANTS, "auto"):
-        asked = "--variant" if name else FORCE
-        raise InputError(f"{asked}: unknown Mitsuba variant {wanted!r}; known: auto {' '.join(VARIANTS)}")
-    return None if wanted == "auto" else wanted
+    """Return the name, or None for `auto`, by default from `HARNESS_MITSUBA_VARIANT`. Raises `InputError`."""
+    requested = name or os.environ.get(FORCE) or "auto"
+    if requested not in (*VARIANTS, "auto"):
+        source = "--variant" if name else FORCE
+        raise InputError(f"{source}: unknown Mitsuba variant {requested!r}; known: auto {' '.join(VARIANTS)}")
+    return None if requested == "auto" else requested
 
 
 def choose_variant(name: str | None = None) -> Variant:
-    """Return the fastest variant that works here, or the named one; the answer is cached.
-
-    Raises `InputError` if the named variant is unknown or does not work.
+    """Return the fastest variant that works here, or the named one; the answer is cached. Raises `InputError` if the
+    named variant is unknown or does not work.
     """
     return _choose(known_variant(name))
 

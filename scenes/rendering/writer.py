@@ -31,8 +31,6 @@ Facts = dict[str, object]
 
 @dataclass(frozen=True)
 class Standing:
-    """The progress of a view set."""
-
     done: int
     """The number of finished views, including those from the cache."""
     total: int
@@ -137,7 +135,6 @@ def _missing(
     loaded: LoadedScene, scene: Scene, split: str, names: list[str], placed: tuple[np.ndarray, np.ndarray], spp: int,
     kept: Collection[str],
 ) -> Iterator[tuple[str, RenderedView]]:  # fmt: skip
-    """Render the views of a split that are not `kept`."""
     viewpoints, poses = placed
     places = [place for place, name in enumerate(names) if name not in kept]
     missing = [names[place] for place in places]

@@ -19,9 +19,7 @@ HARDLY = 0.5
 single camera is named if the others see it.
 """
 INVERTED = 0.9
-"""The mean alpha at the border of all pictures, and the mean transparency in their middle, from which alpha seems
-inverted.
-"""
+"""The mean alpha at the border, and transparency in the middle, of all pictures, from which alpha seems inverted."""
 NOTHING = "no training view has a covered pixel"
 ELSE = "choose a box around the object, in the units of the poses (--bounds)"
 
@@ -93,7 +91,6 @@ def _of_cameras(views: ViewSet, split: Split, seen: Visibility, what: str) -> li
 
 
 def _of_alpha(views: ViewSet) -> list[str]:
-    """Return what is odd about the alpha of training views."""
     height, width = views.height, views.width
     middle = np.s_[2 * height // 5 : 3 * height // 5 + 1, 2 * width // 5 : 3 * width // 5 + 1]
     border = np.ones((height, width), dtype=bool)
@@ -102,17 +99,15 @@ def _of_alpha(views: ViewSet) -> list[str]:
     of_views = [(alpha.min(), alpha[border].mean(), alpha[middle].mean()) for alpha in alphas]
     least, outside, inside = zip(*of_views, strict=True)
     if min(least) == 1.0:
-        said = "no training view has a transparent pixel: the background counts as a part of the object"
-        return [] if any("without alpha" in note for note in views.notes) else [said]
+        caution = "no training view has a transparent pixel: the background counts as a part of the object"
+        return [] if any("without alpha" in note for note in views.notes) else [caution]
     if np.mean(outside) > INVERTED and np.mean(inside) < 1.0 - INVERTED:
         return ["alpha seems inverted: the middle of the pictures is transparent, their border is not"]
     return []
 
 
 def is_premultiplied(views: ViewSet) -> bool:
-    """Return whether colours look multiplied by their alpha: bright where a pixel is opaque, and nowhere larger than
-    alpha where it is thin.
-    """
+    """Return whether colours look multiplied by their alpha: bright where opaque, and never above alpha where thin."""
     thin, beyond, bright = 0, 0, []
     for image in views.train.rgba:
         largest, alpha = image[..., :3].max(axis=-1), image[..., 3]

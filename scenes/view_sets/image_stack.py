@@ -47,7 +47,6 @@ class ImageStack:
         return self._count
 
     def __getitem__(self, index: SupportsIndex) -> np.ndarray:
-        """Return a copy of one image."""
         number = range(self._count)[index]
         size = 4 * math.prod(self.image_shape)
         return self._read(size, [number * size]).reshape(self.image_shape)

@@ -16,7 +16,6 @@ LARGEST_VALUES = 208 * 1024 * 1024
 """The maximum of pixels times channels of an image: 4096 × 4096 in 13 channels, the largest render, 832 MiB."""
 MOST_CHANNELS = 64
 SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".exr")
-"""The suffixes of pictures, in any case."""
 
 
 def pictures(folder: Path) -> list[Path]:
@@ -94,7 +93,6 @@ def display_levels(file: Path, channels: int) -> np.ndarray:
 
 
 def _read(file: Path) -> tuple[np.ndarray, tuple[str, ...], Any]:
-    """Return pixels, names of channels, and the `ImageSpec` of a file."""
     import OpenImageIO as oiio
 
     with _opened(file) as source:
@@ -103,7 +101,6 @@ def _read(file: Path) -> tuple[np.ndarray, tuple[str, ...], Any]:
 
 
 def _pixels(source: Any, file: Path, kind: Any) -> np.ndarray:
-    """Return the pixels [h, w, channels] of an opened image as numbers of that kind."""
     spec = source.spec()
     pixels = source.read_image(kind)
     failure = source.geterror()
@@ -164,10 +161,7 @@ def _check_png(file: Path) -> None:
 
 
 def write_png(file: Path, display: np.ndarray) -> None:
-    """Write straight display colour [h, w, 3 or 4] in 0 … 1 as an 8-bit PNG, and read it back as a check.
-
-    Raises `OSError` if it cannot be written.
-    """
+    """Write straight display colour [h, w, 3 or 4], 0 … 1, as an 8-bit PNG, read back as a check. Raises `OSError`."""
     import OpenImageIO as oiio
 
     levels = np.round(np.clip(display, 0.0, 1.0) * 255.0).astype(np.uint8)
@@ -178,10 +172,7 @@ def write_png(file: Path, display: np.ndarray) -> None:
 
 
 def write_channels(file: Path, channels: dict[str, np.ndarray]) -> None:
-    """Write named float32 channels [h, w] as a float EXR file, and read it back as a check.
-
-    Raises `OSError` if it cannot be written.
-    """
+    """Write named float32 channels [h, w] as a float EXR file, and read it back as a check. Raises `OSError`."""
     import OpenImageIO as oiio
 
     pixels = np.stack(list(channels.values()), axis=-1).astype(np.float32)

@@ -85,7 +85,6 @@ def check_all(folder: Path) -> JsonObject:
 
 Text = Annotated[str, Meta(max_length=500)]
 Name = Annotated[str, Meta(max_length=500, pattern=r"^(?!\.{0,2}$)[^/\\]*$")]
-"""A string that can be part of a file name."""
 Corner = tuple[Number, Number, Number]
 
 
@@ -138,7 +137,6 @@ class _Manifest(Struct, frozen=True):
 
 
 def _require_printable(value: object) -> None:
-    """Raise `ValueError` for a text with control characters."""
     if isinstance(value, str) and not value.isprintable():
         raise ValueError(f"{shown(value)} is not printable")
     if isinstance(value, dict):
@@ -152,10 +150,7 @@ SUFFIXES = (".png", ".exr")
 
 
 def note(folder: Path, order: str, name: str, facts: dict[str, object]) -> None:
-    """Record in the journal that a view, `<split>/r_<number>`, is complete; `order` is the digest of its set.
-
-    Raises `OSError` if the journal cannot be written.
-    """
+    """Record that a view, `<split>/r_<number>`, of the set with the digest `order` is complete. Raises `OSError`."""
     line = {"order": order, "name": name, **facts, "files": _digests(folder, name)}
     with (folder / JOURNAL).open("a", encoding="utf-8") as file:
         # in one write, after a line end: a partial line of a killed writer does not spoil it
@@ -163,10 +158,7 @@ def note(folder: Path, order: str, name: str, facts: dict[str, object]) -> None:
 
 
 def salvaged(folder: Path, donors: list[Path], order: str, names: list[str]) -> dict[str, JsonObject]:
-    """Copy the views that are intact in one of `donors` to `folder` and its journal; return view → its facts.
-
-    Raises `OSError` if they cannot be copied.
-    """
+    """Copy intact views of `donors` to `folder` and its journal; return view → its facts. Raises `OSError`."""
     taken: dict[str, JsonObject] = {}
     for donor in donors:
         for name, line in {**_from_manifest(donor, order), **_from_journal(donor, order)}.items():
@@ -199,7 +191,6 @@ def _from_journal(folder: Path, order: str) -> dict[str, JsonObject]:
 
 
 def _from_manifest(folder: Path, order: str) -> dict[str, JsonObject]:
-    """Return the facts of the views of a set that was complete."""
     try:
         manifest = read_manifest(folder)
         if manifest.get("digest") != order:

@@ -61,8 +61,7 @@ def area_average(image: Pixels, width: int) -> NDArray[np.float64]:
     """Resize [h, w, channels] to [floor(h · width / w), width, channels], each pixel the mean of its area; float64.
     Integers count as `fractions`.
 
-    Pixels stay square and the optical axis stays in the centre: a remaining fraction of a new row is cut off evenly
-    above and below.
+    Pixels stay square and the optical axis central: a fraction of a row is cut off evenly above and below.
     """
     height, old_width = image.shape[:2]
     scale = old_width / width
@@ -77,11 +76,11 @@ def _weighted(weights: NDArray[np.float64], values: Pixels) -> NDArray[np.float6
     """Return `weights` [new, old] times values [old, …], which reads each value about once: rows have few weights."""
     flat = values.reshape(len(values), -1)
     result = np.empty((len(weights), flat.shape[1]))
-    for row, one in enumerate(weights):
-        (there,) = np.nonzero(one)
-        part = slice(there[0], there[-1] + 1)
+    for row, shares in enumerate(weights):
+        (covered,) = np.nonzero(shares)
+        part = slice(covered[0], covered[-1] + 1)
         # of a photograph only these rows are held as floats
-        result[row] = one[part] @ fractions(flat[part]).astype(np.float64)
+        result[row] = shares[part] @ fractions(flat[part]).astype(np.float64)
     return result.reshape(len(weights), *values.shape[1:])
 
 
@@ -102,9 +101,7 @@ def fractions(levels: np.ndarray) -> np.ndarray:
 
 
 def resized(levels: np.ndarray, width: int) -> np.ndarray:
-    """Return display colour, opaque or with straight alpha [h, w, 3 or 4], integers or floats, as float32 at `width`
-    pixels.
-    """
+    """Return display colour, opaque or straight [h, w, 3 or 4], integers or floats, as float32 at `width` pixels."""
     if width == levels.shape[1]:
         return fractions(levels).astype(np.float32, copy=False)
     if levels.shape[2] == 4:

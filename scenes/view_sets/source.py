@@ -50,7 +50,6 @@ class Region:
 
     @property
     def box(self) -> np.ndarray | None:
-        """The bounds as float64 [2, 3]."""
         return None if self.bounds is None else np.array(self.bounds, dtype=np.float64).reshape(2, 3)
 
     def over(self, other: "Region") -> "Region":
@@ -78,8 +77,7 @@ class Source:
     frames: Callable[[str], Frames | None]
     """Return all views of a split, or None for a missing optional split; raises `InputError` for invalid data."""
     pixels: Callable[[Path, int | None], np.ndarray]
-    """Return straight RGBA float32 [h, w, 4] of one of the frames' files, at a width (None: as `size`); raises
-    `InputError`."""
+    """Return straight RGBA float32 [h, w, 4] of a frame's file, at a width (None: as `size`); raises `InputError`."""
     size: Callable[[Path], tuple[int, int]]
     """Return height and width of one of the frames' files before it is resized; raises `InputError`."""
     region: Region
@@ -136,9 +134,8 @@ def completed(
 def looked_at(camera_to_world: np.ndarray, fov_x_radians: float, aspect: float, where: str) -> np.ndarray:
     """Return a box [2, 3] that every pixel's ray of every camera [n, 4, 4] meets, about the point nearest to all axes.
 
-    `aspect` is height over width. Cameras on the sphere of the NeRF synthetic set get ±1.8 (the usual ±1.5 cuts off the
-    pictures' corners). Raises `InputError`, which names `where`, for cameras without a common point: side by side, or
-    looking outwards.
+    `aspect` is height over width. Cameras on the sphere of the NeRF synthetic set get ±1.8 (±1.5 cuts off the corners).
+    Raises `InputError`, which names `where`, for cameras without a common point: side by side, or looking outwards.
     """
     o, d = camera_to_world[:, :3, 3], -camera_to_world[:, :3, 2]
     across = np.eye(3) - d[:, :, None] * d[:, None, :]
@@ -199,8 +196,7 @@ def hull(
     """Return the visual hull bool [cells, cells, cells] in the box `bounds` [2, 3].
 
     A cell is empty if views see the background through it. `alphas` are the images [h, w] of the poses [n, 4, 4] in
-    OpenGL axes; `focal` is in pixels. A view does not judge cells that it does not see, behind the camera or outside
-    the picture.
+    OpenGL axes; `focal` is in pixels. A view does not judge cells that it does not see.
     """
     side = (bounds[1] - bounds[0]) / cells
     reach = 0.5 * float(np.linalg.norm(side))
@@ -249,7 +245,6 @@ class _Block:
 
 
 BLOCK = 24
-"""The maximum number of cells of a block along each axis."""
 
 
 def _blocks(bounds: np.ndarray, cells: int) -> list[_Block]:

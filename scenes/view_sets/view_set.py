@@ -65,8 +65,6 @@ class Split:
 
 @dataclass(frozen=True)
 class ViewSet:
-    """Posed images of one scene at one size."""
-
     path: Path
     name: str
     title: str
@@ -91,7 +89,6 @@ class ViewSet:
 
     @property
     def focal(self) -> float:
-        """Return the focal length in pixels."""
         return 0.5 * self.width / math.tan(0.5 * self.fov_x_radians)
 
     @cached_property
@@ -196,7 +193,6 @@ def _repeated_views(chosen: dict[str, Frames]) -> tuple[str, ...]:
 
 
 def region_of(source: Source, manifest: JsonObject, folder: Path) -> Region:
-    """Return the region of the manifest, or else of the format."""
     if not manifest:
         return source.region
     box = np.ravel(np.array(manifest["bounds"], dtype=np.float64)).tolist()
@@ -269,7 +265,6 @@ class _Reader:
         return pixels
 
     def _own(self, file: Path, geometry: bool) -> list[np.ndarray]:
-        """Read colour, and with `geometry` depth and normals."""
         exr = file.with_suffix(".exr")
         channels = read_channels(checked(self.folder, exr, self.manifest))
         if lacking := [name for name in CHANNELS if name not in channels]:

@@ -27,16 +27,14 @@ _SEEDS: dict[Split, int] = {"train": 20200819, "val": 20200820, "test": 0}
 def camera_to_world(
     split: Split, view_from: Literal["hemisphere", "sphere"] = "hemisphere", count: int | None = None
 ) -> np.ndarray:
-    """Return poses float64 [count, 4, 4], OpenGL axes; `count` views spread evenly, or all 100 / 100 / 200.
-
-    Raises `InputError` for a count that is negative or larger than the split.
+    """Return poses float64 [count, 4, 4], OpenGL axes; `count` views spread evenly, or all 100 / 100 / 200. Raises
+    `InputError` for a count that is negative or larger than the split.
     """
     poses = all_poses(split, view_from)
     return poses if count is None else poses[evenly_spread(count, poses, f"{split} views")]
 
 
 def all_poses(split: Split, view_from: Literal["hemisphere", "sphere"] = "hemisphere") -> np.ndarray:
-    """Return all poses of a split, float64 [views, 4, 4]."""
     count = VIEW_COUNTS[split]
     if split == "test":
         k = np.arange(count)
@@ -56,9 +54,8 @@ def all_poses(split: Split, view_from: Literal["hemisphere", "sphere"] = "hemisp
 
 
 def poses_on_sphere(azimuth: np.ndarray, elevation: np.ndarray, radius: float = RADIUS) -> np.ndarray:
-    """Return cameras [n, 4, 4] on a sphere about the origin, looking at it, z up; angles [n] in radians.
-
-    They are computed from angles, so that a camera straight above the object has an "up" as well.
+    """Return cameras [n, 4, 4] on a sphere about the origin, looking at it, z up; angles [n] in radians. A camera
+    straight above the object has an "up" as well.
     """
     sin_a, cos_a, sin_e, cos_e = np.sin(azimuth), np.cos(azimuth), np.sin(elevation), np.cos(elevation)
     zero = np.zeros_like(sin_a)
@@ -146,7 +143,7 @@ def rigid(poses: np.ndarray, names: list[str]) -> tuple[np.ndarray, list[str]]:
     last number is not 1 is divided by it, or if only its last row is scaled, that is ignored; a rounded rotation is
     replaced by the nearest one.
 
-    Raises `InputError` as `check_poses`, but for a deviation above `ROUNDED` only.
+    Raises `InputError` as `check_poses`, but only for a deviation above `ROUNDED`.
     """
     poses, notes = poses.copy(), []
     last = poses[:, 3, 3]
@@ -175,8 +172,7 @@ def rigid(poses: np.ndarray, names: list[str]) -> tuple[np.ndarray, list[str]]:
 
 
 def check_poses(poses: np.ndarray, names: list[str], tolerance: float = 1e-3) -> None:
-    """Raise `InputError`, naming the view, unless every [4, 4] is finite and rigid (rotation and translation) up to
-    `tolerance`.
+    """Raise `InputError`, naming the view, unless every [4, 4] is finite and rigid up to `tolerance`.
 
     Mitsuba renders a clean background for a NaN matrix without any message.
     """

@@ -96,7 +96,6 @@ def _wider(views: ViewSet, pose: np.ndarray) -> np.ndarray:
 
 
 def _met(pose: np.ndarray, rays: np.ndarray, bounds: np.ndarray, near: float, far: float) -> np.ndarray:
-    """Return which rays [n, 3] of a camera's frame meet the box, bool [n]."""
     directions = rays @ pose[:3, :3].T
     directions = np.where(np.abs(directions) < 1e-12, 1e-12, directions)  # parallel to a side: they meet far away
     ends = (bounds[:, None] - pose[:3, 3]) / directions

@@ -68,9 +68,7 @@ def _nothing() -> np.ndarray:
 
 @dataclass(frozen=True)
 class MapInputs:
-    """The inputs of the maps. Inputs that have to be rendered first are callables, so that only the maps that use them
-    render.
-    """
+    """The inputs of the maps. What must be rendered first is a callable, so that only the maps that use it render."""
 
     regions: Regions
     row: float

@@ -111,8 +111,6 @@ def allocated_bins(attention: np.ndarray, rays: np.ndarray, bins: float, least: 
 
 
 class PhiEffect(NamedTuple):
-    """The effect of the factor φ of Eq. 7 for one map of attention."""
-
     sum_of_priorities: float
     order_changed: bool
     allocation_changed: bool

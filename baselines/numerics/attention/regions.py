@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Regions:
-    """Squares of `tile` pixels from the top left, numbered row by row; those on the right and at the bottom are cut off
-    where the picture ends.
+    """Squares of `tile` pixels from the top left, row by row; the picture may cut those on the right and at the bottom.
 
     Raises `ValueError` for a picture or a tile without a pixel.
     """

@@ -2,7 +2,7 @@
 
 Equal seeds draw equal numbers. So a change of the program that draws the same numbers is measured against rounding,
 whose scatter is known: stored cells were trained several times from weights that differ in their last bit, and another
-processor acts like one more draw. If the first steps have changed too, figures are judged by their own scatter or that
+processor acts like another draw. If the first steps have changed too, figures are judged by their own scatter or that
 of seeds (`harness.gate.quality.scatter`).
 """
 
@@ -42,7 +42,6 @@ DIGITS = 7
 STATISTICS = "worse.headline.statistics"
 FIGURES = {gate.name: gate for gate in gates() if gate.kind == "worse" and gate.name != STATISTICS}
 SINGLE = tuple(gate for name, gate in FIGURES.items() if name.count(".") == 3)
-"""The gates of one method on one scene."""
 BOTH_WAYS = tuple(gate for name, gate in FIGURES.items() if name.startswith("worse.headline."))
 BECAUSE: dict[Scatter, str] = {
     "rounding": "The first steps are the stored ones",
@@ -107,7 +106,7 @@ class StoredScore:
         return np.concatenate([self.mean, self.others], axis=-1)
 
     def has_draw(self, better_by: np.ndarray, chosen: np.ndarray) -> bool:
-        """Tell whether the chosen cells [scenes, methods] equal one of the draws in all stored digits."""
+        """Return whether the chosen cells [scenes, methods] equal one of the draws in all stored digits."""
         new = (better_by + self.mean)[..., None]
         same = np.isclose(new, self.draws, rtol=10.0 ** (1 - DIGITS), atol=0.0)
         return bool(same[chosen].all(axis=(0, 1)).any())
@@ -115,8 +114,6 @@ class StoredScore:
 
 @dataclass(frozen=True)
 class Judge:
-    """The stored cells, by how much new cells are better, and the scatter by which figures are judged."""
-
     stored: dict[str, StoredScore]
     better_by: dict[str, np.ndarray]
     """Score → new − stored [scenes, methods, seeds], NaN for an untrained cell."""

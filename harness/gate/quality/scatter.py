@@ -25,8 +25,6 @@ one in a thousand changes with other random numbers lie below it.
 
 @dataclass(frozen=True)
 class Error:
-    """The standard error of a figure, and its degrees of freedom."""
-
     size: float
     freedom: float
 
@@ -60,15 +58,14 @@ def rounding_error(weights: np.ndarray, draws: np.ndarray) -> Error:
 
 
 def seeds_error(weights: np.ndarray, stored: np.ndarray, seeds: int) -> Error:
-    """Return the error of `seeds` trainings − as many others, from stored ones [scenes, methods, all seeds]."""
+    """Return the error of the difference of two sets of `seeds` trainings, from stored [scenes, methods, all seeds]."""
     values = _by_seed(weights, stored)
     return _summed(2.0 * values.var(axis=1, ddof=1) / seeds, values.shape[1] - 1)
 
 
 def change_error(weights: np.ndarray, draws: np.ndarray, better_by: np.ndarray) -> Error:
-    """Return the error of rounding, scaled up to the scatter of all differences [scenes, methods, seeds].
-
-    A scene and method with a non-finite difference does not count.
+    """Return the error of rounding, scaled up to the scatter of all differences [scenes, methods, seeds]. A scene and
+    method with a non-finite difference does not count.
     """
     rounding = rounding_error(weights, draws)
     there = np.isfinite(better_by).all(axis=2)

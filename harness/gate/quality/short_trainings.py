@@ -38,7 +38,7 @@ def trained(
     scenes: tuple[str, ...] = TRAINED_SCENES,
     seeds: tuple[int, ...] = GATE_SEEDS,
 ) -> list[CellRecord]:
-    """Return all cells of `methods`, trained in as many processes as there are cores."""
+    """Return all cells of `methods`, trained with one process per core."""
     plan = Plan(
         profile="gate",
         scenes=scenes,
@@ -61,7 +61,6 @@ def trained(
 
 
 def train_one(task: GroupTask, draw: int) -> list[CellRecord]:
-    """Return the cells of one scene and seed, trained in this process."""
     place = Path(tempfile.mkdtemp(dir=task.out))
     views = read_views(task.view_set, task.views, place)
     return list(train_group(replace(task, out=place), views, {}, lambda share: None, rounded_otherwise(draw)))

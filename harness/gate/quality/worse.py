@@ -106,7 +106,6 @@ def stored_cells(stored: References) -> list[CellRecord]:
 
 
 def cell_with(scene: str, method: str, seed: int, scores: dict[str, float | None]) -> CellRecord:
-    """Return a finished cell with only these scores."""
     point = Checkpoint(1, 1.0, 1, psnr=scores.get("psnr"))
     empty = empty_cell(scene, method, seed, "done", "")
     return structs.replace(empty, reason=None, steps=1, train_seconds=1.0, scores=scores, curve=[point])

@@ -11,7 +11,7 @@ NO_INTERVAL = {
     "equivalent": Verdict("open", "smaller than matters"),
     "inconclusive": OPEN,
 }
-"""Map word → its verdict without an interval: only savings of time, of which more is better, have such words."""
+"""Map word → its verdict without an interval, which only savings of time have (more is better)."""
 ENDS = [[first, second] for first in (int, float) for second in (int, float)]
 FAILS: dict[str, Sign] = {"better": "below 0", "worse": "above 0", "inconclusive": "open"}
 """Map word → the sign of the difference of two shares of failed runs."""
@@ -20,8 +20,8 @@ FAILS: dict[str, Sign] = {"better": "below 0", "worse": "above 0", "inconclusive
 def in_two_words(data: object, margin: float = METRICS[PRIMARY].smallest_of_interest) -> Any:
     """Return plain data of a record in which each former verdict on a difference is `{"sign": …, "size": …}`.
 
-    Sign and size follow from the interval that the word came from and the margin of its metric. An inconclusive verdict
-    stays open, as it may have had too few seeds. Other verdicts, on claims or omissions, stay as they are.
+    Both follow from the interval and the margin of its metric; an inconclusive verdict stays open, as it may have had
+    too few seeds. Other verdicts, on claims or omissions, stay as they are.
     """
     if isinstance(data, list):
         return [in_two_words(value, margin) for value in data]

@@ -37,8 +37,6 @@ PLANNED = "as planned"
 
 @dataclass(frozen=True)
 class Arm:
-    """One way to train a cell."""
-
     train: Mapping[str, Any] = field(default_factory=dict)
     """Field of the settings of training → the value that replaces the planned one."""
     own: object = None
@@ -83,11 +81,9 @@ class Ended:
     train_seconds: float = 0.0
     rerendered: dict[str, Rerendered] = field(default_factory=dict)
     core_seconds: float = 0.0
-    """The processor time of training."""
     rendering_core_seconds: float = 0.0
     """The processor time of rendering the scored views."""
     why: str = ""
-    """Why there is no score."""
     steps: int = 0
 
 
@@ -100,7 +96,6 @@ class CellArms:
 
 
 def trained_cells(tasks: list[CellTask], workers: int) -> Iterator[CellArms]:
-    """Yield the cells in the order of the tasks, trained on `workers` processes of one thread."""
     return in_workers([partial(kept_cell, task) for task in tasks], workers)
 
 
@@ -126,7 +121,6 @@ def identity(task: CellTask) -> str:
 
 
 def trained_cell(task: CellTask) -> CellArms:
-    """Train every arm, one after the other. A cell that diverges has no score."""
     views = views_of(task.view_set, task.plan, task.scratch, task.scored_on)
     ended = {name: _ended(task, arm, views) for name, arm in task.arms.items()}
     return CellArms(task.scene, task.method, task.seed, ended)

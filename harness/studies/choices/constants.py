@@ -1,9 +1,8 @@
 """The constants that the paper leaves open, chosen for each method by the same search on validation views.
 
 The unit of density and the start of the field decide how a method trains and, if its density is bounded, what it can
-show at all. One number for all methods does not mean the same for each: it is a slope for one and a ceiling for
-another. So every method is trained with every pair of constants, on all scenes of the plan, with a seed that no verdict
-uses.
+show at all. The same number is a slope for one method and a ceiling for another. So every method is trained with every
+pair of constants, on all scenes of the plan, with a seed that no verdict uses.
 """
 
 import json
@@ -59,8 +58,6 @@ CARRIED = (
 
 @dataclass(frozen=True)
 class ConstantsRow:
-    """One method with one pair of constants on one scene."""
-
     method: str
     constants: DensityConstants
     scene: str
@@ -147,7 +144,6 @@ def means(rows: list[ConstantsRow], method: str) -> dict[DensityConstants, float
 
 
 def finalists(rows: list[ConstantsRow], method: str) -> list[DensityConstants]:
-    """Return the pairs of a method that `RULE` selects for the second round from the rows of the first."""
     pairs = list(means(rows, method))
     rank = {pair: sum(pair.start == better.start for better in pairs[:place]) for place, pair in enumerate(pairs)}
     kept = sorted(pairs, key=rank.__getitem__)[:STARTS_KEPT]
@@ -155,9 +151,7 @@ def finalists(rows: list[ConstantsRow], method: str) -> list[DensityConstants]:
 
 
 def best_of(rows: list[ConstantsRow], methods: Sequence[str], many: int) -> Pairs:
-    """Return the `many` best pairs of each method after the longest training of a search. Raises `InputError` for a
-    method without a pair.
-    """
+    """Return the `many` best pairs after the longest training. Raises `InputError` for a method without a pair."""
     steps = max((row.steps for row in rows), default=0)
     longest = [row for row in rows if row.steps == steps]
     pairs = {method: list(means(longest, method))[:many] for method in methods}
@@ -167,9 +161,7 @@ def best_of(rows: list[ConstantsRow], methods: Sequence[str], many: int) -> Pair
 
 
 def chosen(rows: list[ConstantsRow], steps: int, carried: Pairs | None = None) -> dict[str, DensityConstants]:
-    """Map method → the pair that `RULE` chooses among those trained for all `steps`. Methods whose pairs all diverged
-    are left out; an unfinished search chooses nothing.
-    """
+    """Map method → its best pair of those trained for all `steps`; none if all diverged or the search is unfinished."""
     first, second = ([row for row in rows if (row.steps == steps) is last] for last in (False, True))
     choice = {}
     for method in dict.fromkeys(row.method for row in rows):
@@ -193,7 +185,6 @@ def settings_of(plan: Plan) -> JsonObject:
 def as_json(
     rows: list[ConstantsRow], plan: Plan, provenance: dict[str, object], carried: Pairs | None = None
 ) -> JsonObject:
-    """Return the record of a search, without a choice if it was stopped."""
     choice = chosen(rows, plan.budget.steps or 0, carried)
     return {
         "what": "unit of density and start of the field of each method, on validation views",

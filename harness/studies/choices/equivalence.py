@@ -2,7 +2,7 @@
 
 Accelerations that sum in another order need no such test. Two change what is summed: an occupancy grid leaves points
 out (for Listing 2, whose mean runs over the points of the chunk, this also changes the density of the others), and
-reduced precision rounds. Scores tell whether that matters.
+reduced precision rounds. Scores show the effect.
 """
 
 from collections.abc import Iterator
@@ -50,7 +50,6 @@ def pairs(
     workers: int,
     kept: Path | None = None,
 ) -> Iterator[ScorePair]:
-    """Train all cells as planned and with each change; decoded images go to `scratch`, finished cells to `kept`."""
     arms = arms_of(plan, changes)
     tasks = [
         CellTask(scene, method, seed, folders[scene], scratch, plan, arms, kept=kept)

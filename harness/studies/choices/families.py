@@ -22,7 +22,6 @@ from harness.studies.choices.sweep import SEED, try_arms
 from harness.studies.frontier.frontier_context import settings_for
 
 SEARCHED = ("chair", "ship")
-"""The scenes of the search."""
 BUDGET = 15.0
 """The core seconds of a training."""
 USUAL = PROFILES["reduced"].train
@@ -91,7 +90,6 @@ TRIALS: dict[str, dict[str, Trial]] = {
     ),
     "voxels_drjit": _trials(_rates, _voxels(48), _voxels(96)),
 }
-"""Family → name → trial."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +101,6 @@ class FamilyRow:
     core_seconds: float
     steps: int
     why: str
-    """Why there is no score."""
 
 
 def search_plan(as_planned: bool, quick: bool = False) -> Plan:
@@ -123,8 +120,6 @@ def search_plan(as_planned: bool, quick: bool = False) -> Plan:
 def search(
     plan: Plan, folders: dict[str, Path], scratch: Path, workers: int, device: str, kept: Path | None = None
 ) -> Iterator[FamilyRow]:
-    """Train every trial of every method of `plan` on every scene, as `try_arms` does."""
-
     def arms_of(family: str) -> dict[str, Arm]:
         return {words: trial.arm for words, trial in TRIALS[family].items()}
 

@@ -67,9 +67,7 @@ class Omission:
     method: str
     name: str
     seconds_saved: float | None
-    """The mean over seeds, in core seconds, of the work that `clock` names; seconds of rendering the view set for
-    `participating_media`.
-    """
+    """The mean over seeds of the core seconds that `clock` names; for `participating_media`, seconds of rendering."""
     clock: str
     difference: float | None
     """In dB, the test PSNR without the part minus that with it: a value below 0 is a loss. For colours, the largest
@@ -116,8 +114,7 @@ def verified(
 ) -> tuple[list[Omission], list[Omission]]:
     """Return what leaving out costs: parts that a scene does not need and, with `controls`, parts that it needs.
 
-    Every cell of the plan is trained once as planned and once more per omission of its scene. Finished cells go to
-    `kept`.
+    Every cell of the plan is trained once as planned and once more per omission of its scene.
     """
     views = {scene: read_views(folder, plan.views, scratch) for scene, folder in folders.items()}
     cells = []
@@ -191,12 +188,7 @@ def as_json(
 
 
 def verdict_on(costs: PairedDifference | None, bound: float) -> Verdict:
-    """Return the verdict on `costs`, which say how much worse the result became.
-
-    within its bound   the complete interval lies below the bound
-    costs more         the complete interval lies above it
-    inconclusive       neither, or there is no interval
-    """
+    """Compare the complete interval of `costs`, which say how much worse the result became, with `bound`."""
     if costs is None or costs.interval is None:
         return "inconclusive"
     low, high = costs.interval
@@ -267,7 +259,6 @@ def with_half_the_bins(plan: Plan) -> Arm:
 
 
 def omissions_of(cells: list[CellArms]) -> list[Omission]:
-    """Return one omission per scene, method and part, in the order of the cells."""
     omissions = []
     for alike in _by_method(cells):
         omissions += [_of_training(alike, name, PLANNED, name) for name in alike[0].ended if name in TRAINED]

@@ -16,7 +16,6 @@ from harness.plan.schedule import Decay
 from harness.studies.choices.arms import Arm, CellTask, Ended, trained_cells
 
 SEED = 1_000
-"""A seed that no verdict uses."""
 FACTORS = (0.5, 1.0, 2.0)
 """The factors of each optimiser's first and last learning rate (`harness.plan.profiles.TUNED`)."""
 
@@ -72,9 +71,7 @@ def try_arms(
     kept: Path | None = None,
 ) -> Iterator[tuple[str, str, str, Ended]]:
     """Train every method of `plan` in each of its arms on every scene, with a seed that no verdict uses; yield method,
-    arm, scene and the result on validation views. Decoded images go to `scratch`, finished cells to `kept`.
-
-    Raises `InputError` for a view set without validation views.
+    arm, scene and the result on validation views. Raises `InputError` for a view set without them.
     """
     tasks = [
         CellTask(scene, method, SEED, folder, scratch, plan, {name: arm}, device, "val", kept)
@@ -89,7 +86,6 @@ def try_arms(
 def sweep(
     plan: Plan, folders: dict[str, Path], scratch: Path, workers: int, device: str, kept: Path | None = None
 ) -> Iterator[SweepRow]:
-    """Train every method in every arm on every scene, as `try_arms` does."""
     arms = {str(number): arm for number, arm in enumerate(ARMS)}
     for method, name, scene, ended in try_arms(plan, lambda method: arms, folders, scratch, workers, device, kept):
         yield SweepRow(scene, method, tried_in(plan, arms[name]), ended.psnr, ended.core_seconds)

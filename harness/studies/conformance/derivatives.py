@@ -1,8 +1,7 @@
 """Gradients against central differences: a method whose gradient has a wrong sign or factor still trains, only worse.
 
 At the kinks of rectifiers, thresholds and clamps, differences over long steps have larger errors than their spread
-shows. Steps are therefore short, which needs double precision. A method whose kernels support only single precision
-has a wider tolerance.
+shows. Steps are therefore short, which needs double precision; a method without it has a wider tolerance.
 """
 
 from collections.abc import Callable, Iterator
@@ -43,8 +42,6 @@ SINGLE = Ladder(torch.float32, tuple(4.0**-k for k in range(2, 9)), 0.1)
 
 
 class Difference(NamedTuple):
-    """A derivative estimated from differences over several steps."""
-
     value: float
     bar: float
     """Half of the range of the differences, plus the rounding error."""

@@ -32,7 +32,6 @@ LEARNER_CHECKS: dict[str, Callable[[Subject], None]] = {
     "going_on": learner_checks.goes_on_in_the_middle,
     "learning": learner_checks.learns,
 }
-"""The checks of all methods."""
 CHECKS = {**FIELD_CHECKS, **LEARNER_CHECKS}
 
 
@@ -45,7 +44,6 @@ class CheckOutcome:
 
 
 def meaning(check: str) -> str:
-    """Return the docstring of the check in one line."""
     return " ".join((CHECKS[check].__doc__ or "").split())
 
 

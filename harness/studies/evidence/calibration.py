@@ -34,9 +34,7 @@ HEADLINE = 6
 STUDIES = 5000
 """The number of studies simulated at each point of the grid: it resolves a coverage of 95 % to ± 0.31 %."""
 COVERAGE = {(8, 16): (0.93, 0.975), (4,): (0.93, 0.98)}
-"""Scenes → the limits of a share of intervals. Over four scenes Student's t is too wide if one of them is much noisier
-than the others.
-"""
+"""Scenes → the limits of a share of intervals. Over four scenes Student's t is too wide if one is much noisier."""
 POWER = {0.2: 0.55, 0.3: 0.88}
 """dB: effect → the minimum share of studies of the default size that must find it, in the headline's family."""
 EFFECTS = tuple(round(0.05 * step, 2) for step in range(13))
@@ -45,7 +43,6 @@ LOST = 1 / 50
 BAD = 3.0
 """dB: how far the bad cell ends below what its seed would give."""
 NOISIER = 4.0
-"""How many times noisier than the others the noisy scene is."""
 ONE_SCENE, HERE, ELSEWHERE = "on one scene", "on these scenes", "on scenes like these"
 CHANGE_HERE, CHANGE_ELSEWHERE = "of a change on these scenes", "of a change on scenes like these"
 CHANGE_OF_SEEDS = "of a change on these scenes, with other seeds"
@@ -89,7 +86,7 @@ def published_scatter(file: Path = PUBLISHED) -> Scatter:
     run = json.loads(file.read_text(encoding="utf-8"))
     psnr = {(cell["scene"], cell["method"], cell["seed"]): cell[PRIMARY] for cell in run["cells"]}
     names, seeds = [scene["scene"] for scene in run["scenes"]], run["seeds"]
-    pairs = [[[psnr.get((name, one, seed)) for one in (METHOD, AGAINST)] for seed in seeds] for name in names]
+    pairs = [[[psnr.get((name, method, seed)) for method in (METHOD, AGAINST)] for seed in seeds] for name in names]
     rows = [-np.diff(np.array(row, dtype=np.float64), axis=1)[:, 0] for row in pairs]  # NaN for a missing score
     known = [row[np.isfinite(row)] for row in rows if np.isfinite(row).sum() > 1]
     if len(known) < 2:
@@ -154,7 +151,7 @@ class DesignPoint:
     coverage: dict[str, float]
     """Interval → share of studies in which it contains the truth; without intervals that are never printed."""
     power: dict[str, dict[float, float]]
-    """Estimate → effect in dB → share of studies that call it above 0, in the headline's family or alone."""
+    """Estimate → effect in dB → share of studies that call it above 0, in the headline's family or singly."""
 
     def __str__(self) -> str:
         return f"{self.noise}, {self.scenes} scenes, {self.seeds} seeds, {self.scene_sd:.3g} dB from scene to scene"
@@ -218,7 +215,6 @@ def simulate(
 
 
 def _held(estimated: nested.Estimated, true: np.ndarray) -> float:
-    """Return the share of the printed 95 % intervals that hold the truth."""
     half = half_widths(estimated)
     known = np.isfinite(half) & np.isfinite(true)
     return float((np.abs(estimated.mean - true) <= half)[known].mean())
@@ -251,7 +247,7 @@ def checks(
 ) -> Iterator[Check]:
     judged = [point for point in grid if point.noise in CHECKED]
     for kind, (scenes, limits) in product(KINDS, COVERAGE.items()):
-        # one bad cell must not move the robust estimate, so that it is judged with such a cell too
+        # one bad cell must not move the robust estimate, so that it is judged with such a cell as well
         points = grid if kind == ROBUST else judged
         printed = [point for point in points if point.scenes in scenes and kind in point.coverage]
         for which, end in (("lowest", min), ("highest", max)) if printed else ():

@@ -17,7 +17,6 @@ from scenes.files.errors import InputError
 from scenes.files.json_object import JsonObject
 
 PrintedRows = dict[str, list[JsonObject]]
-"""Folder → the rows printed about it."""
 TOLERANCE_DB = 0.1
 TRAINING = "objections"
 """The training whose view sets are examined, with those of the other classics at the same settings."""
@@ -122,7 +121,6 @@ def judge(scenes: Sequence[Agreement]) -> Iterator[Found]:
     )
     what, why = "ceiling stated less ceiling from new renders, mean over scenes", f"standard error {error:.3f} dB"
     yield check(what, mean, -TOLERANCE_DB, TOLERANCE_DB, "dB", why)
-    # Student's limit for this number of scenes, with the smallest number of views of any scene
     limit = critical(min(scene.views for scene in scenes) - 1, len(scenes))
     what = f"largest excess of a scene's difference over {TOLERANCE_DB} dB"
     why = (

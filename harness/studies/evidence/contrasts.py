@@ -31,8 +31,6 @@ Term = tuple[str, ...]
 
 @dataclass(frozen=True)
 class Design:
-    """Which method belongs to which combination of factors."""
-
     factors: tuple[str, ...]
     methods: dict[tuple[bool, ...], str]
     """All 2^k corners."""
@@ -105,8 +103,7 @@ def effects_of_table(
 ) -> list[Effect]:
     """Return one contrast over all scenes of `table`, then scene by scene.
 
-    The family of an effect (`family_of`) holds this number of `metrics`, and `together` contrasts that make up one
-    question.
+    Its family (`family_of`) holds this number of `metrics`, and `together` contrasts that make up one question.
     """
     effects = []
     for scene in ["all", *table]:
@@ -142,14 +139,13 @@ def contrast_effects(
 def effects(
     cells: list[CellRecord], method: str, against: str, where: str = "", budgets: tuple[Budget, ...] = BUDGETS
 ) -> list[Effect]:
-    """Return `method` − `against` for each budget and metric."""
     return contrast_effects(duel(method, against), cells, where, budgets, against=against)
 
 
 def chosen(some: Iterable[Effect], **facts: str) -> list[Effect]:
     """Return the effects with these facts, on PSNR at equal steps unless they name another metric or budget."""
-    wanted = {"metric": "psnr", "budget": "steps", **facts}
-    return [effect for effect in some if all(getattr(effect, name) == value for name, value in wanted.items())]
+    required = {"metric": "psnr", "budget": "steps", **facts}
+    return [effect for effect in some if all(getattr(effect, name) == value for name, value in required.items())]
 
 
 def common_steps(cells: list[CellRecord]) -> list[int]:
@@ -159,7 +155,7 @@ def common_steps(cells: list[CellRecord]) -> list[int]:
 
 
 def line(tables: dict[float, Tables], panel: str, name: str, x_label: str) -> Series:
-    """Draw a contrast of PSNR over places on the axis: its mean, and the interval of each place by itself."""
+    """Draw a contrast of PSNR over places on the axis: its mean, and a separate interval for each place."""
     judgements = [judged(table, "psnr", 1) for table in tables.values()]
     intervals = [judgement.chosen.interval for judgement in judgements]
     low, high = ([interval and interval[end] for interval in intervals] for end in (0, 1))
@@ -183,7 +179,6 @@ def spread(scores: list[float | None], metric: str) -> str:
 
 
 def spread_of(cells: list[CellRecord], scene: str, method: str, metric: str) -> str:
-    """Return the `spread` of the last scores of every seed; a cell that is not done has none."""
     return spread([cell.scores.get(metric) for cell in cells if (cell.scene, cell.method) == (scene, method)], metric)
 
 

@@ -44,8 +44,6 @@ WITHOUT_SILHOUETTES = ("nerf", "nerf_matched", "qnerf", "qnerf_repaired")
 
 @dataclass(frozen=True)
 class Training:
-    """The differences from the profile `reduced`."""
-
     methods: tuple[str, ...]
     scenes: tuple[str, ...]
     steps: int

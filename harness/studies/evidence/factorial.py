@@ -77,7 +77,7 @@ def cumulative(reading: str) -> list[str]:
 
 
 def pairs() -> list[tuple[str, str]]:
-    """Return each row of Table 4 against the row above and against the first one, then each part alone against nerf."""
+    """Return each row of Table 4 against the row above and the first row, then each single part against nerf."""
     compared = []
     for reading in READINGS:
         rows = cumulative(reading)
@@ -89,7 +89,6 @@ def pairs() -> list[tuple[str, str]]:
 
 
 def _answer(by_reading: dict[str, list[Effect]]) -> str:
-    """Return what each part does to PSNR at equal steps over all scenes, and how far that is explained."""
     clauses = []
     for reading, of_reading in by_reading.items():
         main = zip(PARTS, chosen(of_reading, scene="all", note=""), strict=True)

@@ -16,8 +16,6 @@ from harness.studies.trained_context import StudyRun
 
 @dataclass(frozen=True)
 class Objection:
-    """Two methods that differ, or agree, in what is objected to."""
-
     words: str
     method: str
     against: str

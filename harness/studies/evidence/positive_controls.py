@@ -38,7 +38,6 @@ has less to make up for what is missing, so a loss may also be larger.
 @dataclass(frozen=True)
 class Control:
     name: str
-    """The name of the method that lacks something."""
     what: str
     original: float | None
     """The PSNR in dB in the original's ablation; None for a loss of the claimed size, which it did not try."""
@@ -117,7 +116,7 @@ def _loss(control: Control, baseline: StudyRun, own: StudyRun) -> Loss:
 
 
 def _answer(losses: list[Loss]) -> str:
-    yes, no = ([loss.control.what for loss in losses if loss.is_found == wanted] for wanted in (True, False))
+    yes, no = ([loss.control.what for loss in losses if loss.is_found == is_found] for is_found in (True, False))
     if not no:
         return f"Yes: the loss of NeRF {listed(yes)} is found, by the functions that judge Q-NeRF."
     if not yes:
@@ -145,7 +144,6 @@ def _sentences(loss: Loss) -> Iterator[str]:
 
 
 def _checks(loss: Loss) -> Iterator[Check]:
-    """Check that the loss is found over all scenes and, where the original's is known, that its size is plausible."""
     control, overall = loss.control, loss.psnr[0] if loss.psnr else None
     what = f"NeRF {control.what}: the loss is found over all scenes"
     if overall is None:

@@ -21,7 +21,6 @@ PHI = ("planes_phi", "planes_same_ends", "planes_same_size")
 PHI_METHODS = (*PHI, *(name.replace("planes", "hash_grid") for name in PHI))
 PHI_BUDGET = 15.0
 CORE_SECONDS = "core_seconds_"
-"""The prefix of the name of a budget's training."""
 BUDGETS = (4.0, 15.0, 60.0)
 LONG_BUDGETS = (4.0, 8.0, 15.0, 30.0, 60.0, 120.0, 600.0)
 """The core seconds of a cell's training: by default, about an hour on two cores, and with `--long`."""

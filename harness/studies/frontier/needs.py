@@ -16,7 +16,6 @@ KINDS = {
     "glossy or transparent": ("drums", "materials"),
     "detailed": ("lego", "ship", "chair"),
 }
-"""Kind of scene → the scenes of that kind."""
 COLUMNS = ["scene", "core s", "best", "PSNR, dB", "second", "ahead by, dB", "95 % interval"]
 
 
@@ -55,7 +54,6 @@ def best_two(frontier: Frontier, budget: float, name: str, scenes: list[str]) ->
 
 
 def _phrase(row: list[str | float | None]) -> str:
-    """Return a row as a phrase, which claims no more than its interval."""
     kind, _, best, _, second, ahead, between = map(str, row)
     caution = "" if between.startswith("+") else ", which is not settled"
     return f"on {kind} scenes {best} ahead of {second} by {ahead} dB ({between or 'one scene, no interval'}){caution}"

@@ -35,13 +35,11 @@ ORDERS = {
 }
 """The orders in which a picture is refined after its coarse frame; `plain` has no such frame and the largest chunks."""
 MEASURES = {"whole": "the whole picture", "hardest": "the hardest quarter", "attended": "the most attended quarter"}
-"""Where a picture's error is measured."""
 SHARE_OF_ERROR = 0.1
 """The share of the coarse frame's error at which a picture is called useful."""
 QUARTER = 0.25
 """The share of the regions that count as the most attended, or the hardest."""
 MIN_SCENES = 3
-"""The minimum number of scenes for a verdict."""
 DRAWN = "point"
 """The map whose curves are drawn; the times of all are in the table."""
 INVISIBLE = 1e-4
@@ -49,11 +47,8 @@ INVISIBLE = 1e-4
 STEPS = 80
 """The maximum number of steps of a drawn curve."""
 EXAMPLES = ("point", "gradients")
-"""The maps of which pictures are shown."""
 SHARE_OF_TIME = 0.4
-"""The share of raster order's time at which example pictures are taken: late enough to show some refinement, as coarse
-frame and map take up to a quarter.
-"""
+"""The share of raster order's time at which example pictures are taken; coarse frame and map take up to a quarter."""
 PICTURES = "records/images/serving"
 """The folder of the example pictures, relative to the output folder."""
 
@@ -191,9 +186,7 @@ def measure(view: RegionView, runs: Sequence[Run], repeats: int, clock: Clock = 
 
 
 def refine_in(view: RegionView, order: str, kind: str | None, clock: Clock = CLOCK) -> Refined:
-    """Render first frame, map and refinement on one clock. Only the order by attention computes a map; `plain` begins
-    with a white frame.
-    """
+    """Only the order by attention computes a map; `plain` begins with a white frame. All parts share one clock."""
     cell, regions, camera = view.cell, view.regions, view.camera
     began = clock()
     attention = np.ones(regions.count)
@@ -222,11 +215,11 @@ def attended_pixels(regions: Regions, attention: np.ndarray) -> np.ndarray:
 
 def errors_along(run: Refined, finished: View, *where: np.ndarray) -> Iterator[list[float]]:
     """Yield the root mean square error everywhere and in each of `where`, of the first frame and after each part."""
-    wanted = finished.colour.reshape(-1, 3).astype(np.float64)
-    squares = ((run.first.colour.reshape(-1, 3) - wanted) ** 2).mean(axis=-1)
+    target = finished.colour.reshape(-1, 3).astype(np.float64)
+    squares = ((run.first.colour.reshape(-1, 3) - target) ** 2).mean(axis=-1)
     for part in (None, *run.parts):
         if part is not None:
-            squares[part.pixels] = ((part.colour - wanted[part.pixels]) ** 2).mean(axis=-1)
+            squares[part.pixels] = ((part.colour - target[part.pixels]) ** 2).mean(axis=-1)
         yield [float(np.sqrt(chosen.mean())) for chosen in (squares, *(squares[pixels] for pixels in where))]
 
 
@@ -255,7 +248,6 @@ def curve_of(views: Sequence[RefinedView], kind: str, order: str) -> Curve:
 
 
 def reaching(curve: Curve, measure: str, limit: float) -> Reaching | None:
-    """Return when the error falls to `limit` for good."""
     above = [index for index, value in enumerate(curve.errors[measure]) if value > limit]
     index = above[-1] + 1 if above else 0
     if index == curve.seconds.shape[1]:

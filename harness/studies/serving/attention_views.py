@@ -41,8 +41,6 @@ NOTHING = "No method of the run can be rendered by regions here."
 
 @dataclass(frozen=True)
 class RegionView:
-    """A view of a cell, its regions, and the stride of its coarse frame."""
-
     cell: TrainedCell
     camera: Camera
     regions: Regions
@@ -106,7 +104,7 @@ def cells_of(context: ServingContext) -> list[TrainedCell]:
 
 
 def attention_of(kind: str, view: RegionView, first: View | None = None) -> tuple[np.ndarray, int]:
-    """Return the attention, float64 [regions], and the network evaluations besides those of the frame `first`."""
+    """Return the attention, float64 [regions], and its network evaluations without those of the frame `first`."""
     learner, camera, chunk = view.cell.learner, view.camera, view.cell.chunk
     spent = 0
 

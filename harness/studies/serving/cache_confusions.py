@@ -42,8 +42,6 @@ LEAST_VISIBLE = 0.5 / 255
 
 @dataclass(frozen=True)
 class Variant:
-    """A request that differs from what the cache has stored."""
-
     changed: str
     learner: Learner
     chunk: int
@@ -125,13 +123,13 @@ def _confusion(variant: Variant, cameras: list[Camera], by_pose: dict[str, View]
     stale, missed, caught, squares = 0, 0, 0, []
     for known in cameras:
         camera = variant.request(known)
-        wanted = plain(variant.learner, camera, variant.chunk)
+        expected = plain(variant.learner, camera, variant.chunk)
         returned, is_new = by_pose.get(pose_hash(camera.camera_to_world)), cached.lookup(camera) is None
         missed += is_new
-        if returned is not None and not same(returned, wanted):
+        if returned is not None and not same(returned, expected):
             stale += 1
             caught += is_new
-            squares.append(mse(of_size(returned.colour, *wanted.opacity.shape), wanted.colour))
+            squares.append(mse(of_size(returned.colour, *expected.opacity.shape), expected.colour))
     # all pictures of a variant have one size, so that the mean of means is the mean over all their pixels
     rmse = float(np.sqrt(np.mean(squares))) if squares else 0.0
     return Confusion(variant.changed, len(cameras), stale, rmse, missed, caught)
@@ -185,7 +183,6 @@ def variants(context: ServingContext, cell: TrainedCell) -> Iterator[Variant]:
 
 
 def in_other_chunks(cell: TrainedCell) -> Iterator[Variant]:
-    """Yield another division of rays into chunks, if the picture depends on it."""
     if not cell.learner.field.pointwise:
         half = max(1, cell.chunk // 2)
         yield Variant(f"{cell.learner.method} with {half} rays per chunk instead of {cell.chunk}", cell.learner, half)
@@ -216,7 +213,6 @@ def _further(context: ServingContext, learner: Trainer, views: ViewSet) -> Train
 
 
 def copy_of(learner: Trainer, settings: TrainSettings | None = None) -> Trainer:
-    """Return an independent copy of the method in the same state."""
     job = Job(learner.method, learner.box, settings or learner.settings, learner.budget, learner.seed, learner.device)
     made = learner_for(replace(job, view_dependent=learner.view_dependent))
     assert isinstance(made, Trainer)

@@ -106,7 +106,7 @@ def latencies(context: ServingContext, cell: TrainedCell, clock: Clock = CLOCK) 
     alike.
 
     The disk is read by a store that keeps nothing in memory: from a file in the operating system's memory, such as one
-    just written, and from one that is not, if the system can be told to drop a file's data.
+    just written, and from one that is not, if the system can drop a file's data.
     """
     sizes, method = context.sizes, cell.learner.method
     poses = context.orbit(cell.scene, POSES)
@@ -115,8 +115,8 @@ def latencies(context: ServingContext, cell: TrainedCell, clock: Clock = CLOCK) 
     plain(cell.learner, context.camera(cell, poses[0]), cell.chunk)  # allocations and kernel choices
     for round_ in range(sizes.rounds):
         pose = poses[round_ % POSES]
-        asked = context.camera(cell, pose)
-        view, took = timed(lambda: plain(cell.learner, asked, cell.chunk), clock)  # noqa: B023
+        stored_camera = context.camera(cell, pose)
+        view, took = timed(lambda: plain(cell.learner, stored_camera, cell.chunk), clock)  # noqa: B023
         seconds["render"].append(took)
 
         def hit(name: str, cached: CachedMethod) -> None:
@@ -125,15 +125,15 @@ def latencies(context: ServingContext, cell: TrainedCell, clock: Clock = CLOCK) 
             seconds[name].append(_hit(cached, context.camera(cell, pose), view, place, clock))  # noqa: B023
 
         if round_ < POSES:
-            CachedMethod(cell.learner, ViewStore(0, folder, ROOM), cell.chunk).keep(asked, view)
+            CachedMethod(cell.learner, ViewStore(0, folder, ROOM), cell.chunk).keep(stored_camera, view)
         for _ in range(sizes.hits):
             cached = CachedMethod(cell.learner, ViewStore(ROOM), cell.chunk)
-            cached.keep(asked, view)
+            cached.keep(stored_camera, view)
             hit("memory.1", cached)
             hit("memory.0", cached)
         for _ in range(sizes.hits):  # after the hits in memory, which writing and dropping files would slow down
-            hit("disk.warm", _of_disk(cell, folder, asked))
-            cold = _of_disk(cell, folder, asked)
+            hit("disk.warm", _of_disk(cell, folder, stored_camera))
+            cold = _of_disk(cell, folder, stored_camera)
             if dropped(folder):
                 hit("disk.cold", cold)
     if not seconds["disk.cold"]:

@@ -29,16 +29,13 @@ from scenes.view_sets.view_set import ViewSet
 EXPECTED = (InputError, DamagedRecord, Diverged)
 """The errors of a run that cannot be rendered; any other is an error of this harness."""
 QUICK_SHARE = 0.1
-"""The share of the time that `quick` takes."""
 TRAIN_VIEWS = 8
-"""The number of views on which a few more steps are trained."""
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """The sizes of the measurements: timed renderings, and hits of each kind per rendering; views that are requested
-    after a change, and steps of further training; scenes on which attention is examined, views per scene, repeats of
-    each refinement.
+    """Timed renderings, and hits of each kind per rendering; views that are requested after a change, and steps of
+    further training; scenes on which attention is examined, views per scene, repeats of each refinement.
     """
 
     rounds: int = 20
@@ -193,7 +190,6 @@ CLOCK: Clock = time.perf_counter
 
 
 def timed(call: Callable[[], Result], clock: Clock = CLOCK) -> tuple[Result, float]:
-    """Return the result of a call and its seconds."""
     began = clock()
     result = call()
     return result, clock() - began

@@ -30,9 +30,7 @@ OPERATORS = 15
 
 
 def measure(context: SpeedContext) -> Iterator[Check | Table]:
-    """Compare all accelerations, all but each, and none, from the same weights with the same batches, in blocks that
-    hold one update of the grid.
-    """
+    """Compare all accelerations, all but each, and none, from equal weights and batches, in blocks of a grid update."""
     views, plan = views_of(context), reduced_plan(context)
     batch_at = batches_of(views, context.device).stream(STREAM, plan.train.rays)
     cameras = cameras_of(views, views.test, context.device)

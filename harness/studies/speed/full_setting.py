@@ -39,8 +39,6 @@ ASSUMED_SHARES = {"float32": (0.2, 0.6), "bfloat16": (0.025, 0.1)}
 
 @dataclass(frozen=True)
 class Work:
-    """The operations of one cell and the bytes of one run."""
-
     training: float
     scoring: float
     """FLOP, like that of training."""

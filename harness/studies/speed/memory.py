@@ -106,7 +106,6 @@ def _independence(context: SpeedContext, task: GroupTask) -> Iterator[Check | Se
 
 
 def _complete_run(context: SpeedContext, steps: int) -> Iterator[Check]:
-    """Yield the peak of all processes of `python -m harness run` as a user starts it."""
     id, title = "memory.run.peak", "Peak memory of a complete run at the reduced profile, all processes together"
     if not Path("/proc/self/smaps_rollup").exists():
         yield no_figure(id, title, "GB", "this system does not report which pages processes share")

@@ -29,7 +29,6 @@ from harness.training.trainer import Trainer
 from scenes.view_sets.view_set import ViewSet
 
 SCENE = "lego"
-"""The scene of every question that needs a scene."""
 DENSE = replace(Accelerations(), grid=False, clipping=False)
 """The accelerations that evaluate all samples of every ray."""
 TEST_PIXELS = 4096
@@ -40,9 +39,7 @@ STREAM = "speed/0"
 
 @dataclass(frozen=True)
 class SpeedContext(StudyContext):
-    """One run of the benchmark. Both sides of every comparison get all cores as threads, unless the question is about
-    threads.
-    """
+    """Both sides of every comparison get all cores as threads, unless the question is about threads."""
 
     plain_seconds: float
 
@@ -233,7 +230,6 @@ def ratio(
 
 
 def no_figure(id: str, title: str, unit: str, why: str, *, low: float | None = None, repeats: int = 0) -> Check:
-    """Return a check without a figure, with the reason."""
     return check(title, None, low, unit=unit, why=why, owner="machine", repeats=repeats, id=id)
 
 

@@ -116,7 +116,6 @@ def _matmul_rates(context: SpeedContext, width: int, dtype: torch.dtype) -> dict
 
 
 def _best_rate(rates: dict[int, list[float]]) -> tuple[int, list[float], float]:
-    """Return the chunk with the highest median rate, its rates and their median."""
     chunk = max(rates, key=lambda chunk: statistics.median_high(rates[chunk]))
     return chunk, rates[chunk], statistics.median_high(rates[chunk])
 

@@ -1,7 +1,6 @@
 """Question 3: how much sooner a PSNR is reached than by the plain training of the paper's network.
 
-Every training has its own clock, which stands still during evaluations, and the same batches, initial weights and
-threads.
+Every training has a clock that stands still during evaluations, and the same batches, initial weights and threads.
 """
 
 import math
@@ -49,9 +48,7 @@ EVALUATIONS = 12
 GROWTH = 1.06
 """The factor between the seconds of two evaluations of the others, within which a crossing is found."""
 SHARES = (1.0, 0.5, 0.25)
-"""The shares of the plain training's budget that give targets: the first is the headline, the others show how the ratio
-depends on the target.
-"""
+"""The shares of the plain training's budget that give targets; the first is the headline."""
 SEEDS = 3
 """The seeds of the reduced settings, which are cheap to repeat."""
 WORDS = {"same": "Same network", "reduced": "Settings of the reduced profile"}
@@ -81,9 +78,7 @@ class Target:
 
 
 def targets_of(plain: PsnrCurve, shares: tuple[float, ...]) -> list[Target]:
-    """Return one target per share, from evaluations that are evenly spread over the budget; a share that ends before
-    the first evaluation takes the first.
-    """
+    """Return one target per share of the budget; a share that ends before the first evaluation takes the first."""
     targets = []
     for share in shares:
         best = max(range(max(1, round(share * len(plain.psnr)))), key=lambda index: plain.psnr[index])

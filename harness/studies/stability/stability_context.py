@@ -61,7 +61,6 @@ def not_judged(subject: str, why: str, status: Status = "not_applicable", owner:
 
 
 def none_of(what: str, offenders: Sequence[str], subject: str, owner: Owner = "ours") -> Check:
-    """Check that there are no offenders: the figure counts them, and the reason names them."""
     return check(what, len(offenders), high=0, why="; ".join(offenders), subject=subject, owner=owner)
 
 

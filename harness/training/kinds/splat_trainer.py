@@ -76,7 +76,7 @@ class GaussianTrainer(BudgetedTrainer):
         return self.own.lighter_opacity * opacity + self.own.lighter_scale * scale
 
     def _adam(self, gradient: Tensor, rate: float) -> None:
-        """Take a step of Adam, which counts the steps of each Gaussian separately."""
+        """Take a step of Adam that counts the steps of each Gaussian separately."""
         first, second = self.own.betas
         self.seen += 1.0
         self.mean.lerp_(gradient, 1.0 - first)
@@ -126,7 +126,7 @@ class SplatTrainer(GaussianTrainer):
         self._pencils: dict[bytes, Pencil] = {}
 
     def _pencil(self, rays: Rays) -> Pencil:
-        """Return the sorted rays of a view, kept as sorting them again would take a tenth of a step."""
+        """Return the sorted rays of a view; they are kept, as sorting them again takes a tenth of a step."""
         key = rays.origins[0].numpy().tobytes() + rays.directions[[0, -1]].numpy().tobytes()
         if (pencil := self._pencils.get(key)) is None:
             pencil = Pencil.of(rays.origins[0], rays.directions, rays.near)

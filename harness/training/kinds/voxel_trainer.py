@@ -34,7 +34,7 @@ class VoxelTrainer(BudgetedTrainer):
         return self.field
 
     def warm_up(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None:
-        """Compile the kernels off the clock: take a step at every resolution, on fields that are thrown away."""
+        """Compile the kernels off the clock: take a step at every resolution, on fields that are discarded."""
         for _, voxels in self.own.stages():
             field = self.field.refined(voxels)
             _, _, gradients, _ = self._slope(field, rays, colours, generator_for(self.seed, "warm-up"))
@@ -42,7 +42,7 @@ class VoxelTrainer(BudgetedTrainer):
         dr.sync_thread()
 
     def train_on(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None:
-        """Take one step on one batch, on the clock. Raises `Diverged`; the field is then the one before the step."""
+        """Take one step on the clock. Raises `Diverged`; the field is then the one before the step."""
         rays.require_finite()
         with self.clock.running():
             while self._stages and self.progress >= self._stages[0][0]:

@@ -57,8 +57,7 @@ def rendered_samples(learner: Learner, cameras: Cameras) -> tuple[Tensor, Tensor
 def density_properties(learner: Learner, views: ViewSet, test: Cameras) -> dict[str, float | None]:
     """Return the properties of `harness.records.cells.CellRecord` that concern the ceiling of density.
 
-    The width of a pixel is that at the centre of the box: the mean distance of the training cameras from it, divided by
-    the focal length in pixels (`harness.plan.needed.pixels_across`).
+    A pixel has its width at the centre of the box (`harness.plan.needed.pixels_across`).
     """
     half, limit = learner.box.half_extent, learner.field.density_limit
     pixel = 2.0 * half / pixels_across(views)

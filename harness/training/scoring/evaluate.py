@@ -45,8 +45,8 @@ def pixel_order(pixels: int) -> torch.Tensor:
 def render_view(trainer: Learner, cameras: Cameras, view: int, chunk: int) -> View:
     """Render a complete view, its pixels in a fixed random order.
 
-    The order matters only if density depends on the chunk: a chunk then contains pixels of all parts of the view, as a
-    training batch does, and not ten rows of background.
+    The order matters only if density depends on the chunk: it then has pixels from all parts of the view, as a training
+    batch does, instead of ten rows of background.
     """
     rays = cameras.all_rays(view)
     order = pixel_order(len(rays)).to(rays.origins.device)
@@ -73,7 +73,7 @@ def quick_scores(images: Iterable[View], split: Split) -> dict[str, float | None
 
 
 def _possible(name: str, score: float, image: View) -> float:
-    """Return a score; raises `ValueError` for one that no colours in 0 … 1 have, which no record can hold."""
+    """Return a score; raises `ValueError` for a score that no colours in 0 … 1 have, as no record can hold it."""
     low, high = possible_range(name)
     if not math.isnan(score) and not low <= score <= high:
         ends = f"{image.colour.min():.3g} to {image.colour.max():.3g}"
@@ -135,7 +135,7 @@ def mean_scores(rows: list[ViewScore]) -> dict[str, float | None]:
 
 
 def train_psnr(trainer: Learner, views: ViewSet, count: int, chunk: int) -> float | None:
-    """Return the mean PSNR over `count` evenly spread training views: how well they are fitted."""
+    """Return the mean PSNR over `count` evenly spread training views, which says how well they are fitted."""
     cameras = cameras_of(views, views.train, trainer.device)
     chosen = spread_indices(count, len(cameras))
     return _mean_psnr((render_view(trainer, cameras, i, chunk).colour, over_white(views.train.rgba[i])) for i in chosen)
@@ -159,9 +159,9 @@ def _grid_over(trainer: Learner, points: int) -> torch.Tensor:
 def density_histogram(trainer: Learner, occupied: np.ndarray | None = None, points: int = 32) -> dict[str, list[float]]:
     """Return a histogram of the density before and after the amplifier, over a regular grid of points of the box.
 
-    Densities are per half of the box's longest side. Bins are linear up to the method's limit if it has one, else
-    logarithmic from 1e-3 to 1e3. With the true occupancy of the points, bool [points, points, points], there are also
-    histograms of the points inside and outside geometry, and their numbers. Training never uses that occupancy.
+    Densities are per half of the box's longest side. Bins are linear up to the method's limit, or without a limit
+    logarithmic from 1e-3 to 1e3. With the true occupancy of the points, bool [points, points, points], which training
+    never uses, the points inside and outside geometry are also counted separately.
     """
     per_box = trainer.box.half_extent
     before, after = (sigma * per_box for sigma in trainer.field.density_before_and_after(_grid_over(trainer, points)))

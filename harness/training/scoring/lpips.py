@@ -1,6 +1,6 @@
 """LPIPS (Zhang et al. 2018), version 0.1 with AlexNet or VGG-16, from a file of weights that the user provides.
 
-The file contains the state of the package `lpips`; docs/read-the-report.md says how to make it on a connected machine.
+The file holds the state of the package `lpips`; docs/read-the-report.md says how to make it.
 """
 
 from dataclasses import dataclass
@@ -20,12 +20,12 @@ from scenes.files.errors import InputError, short
 
 @dataclass(frozen=True)
 class Stage:
-    """Convolutions, each rectified, the last of which gives the features that are compared."""
+    """Rectified convolutions; the features that are compared are those of the last."""
 
     pool: tuple[int, int] | None
-    """The size and the stride of the maximum before them."""
+    """The size and the stride of the max pooling before them."""
     convolutions: tuple[tuple[str, tuple[int, ...]], ...]
-    """The names of their weights, and the shapes."""
+    """The names and shapes of their weights."""
     stride: int = 1
     padding: int = 1
 

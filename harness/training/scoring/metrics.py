@@ -24,7 +24,7 @@ def psnr_from_mse(error: float) -> float:
 
 
 def psnr(image: np.ndarray, truth: np.ndarray) -> float:
-    """Return the peak signal-to-noise ratio of one image in dB (float, display colour)."""
+    """Return the peak signal-to-noise ratio in dB."""
     return psnr_from_mse(mse(image, truth))
 
 

@@ -1,7 +1,7 @@
 """Whether pictures of other programs seem to be in another order, colour space or orientation than they are read in.
 
-A wrong reading costs 5 to 20 dB, which is not the method's fault. So every usual mistake is tried, and pictures that
-fit the truth far better under one of them are not scored silently.
+A wrong reading costs 5 to 20 dB, which is not the method's fault. So the usual mistakes are tried, and pictures that
+would fit the truth far better if one was made are not scored silently.
 """
 
 from collections.abc import Callable
@@ -18,11 +18,9 @@ FAR = 2.0
 FITS = 0.01
 """The mean squared error, 20 dB, that the other reading must reach: a method's failure must not pass as a mistake."""
 FAR_ALONE = 8.0
-"""The same of one view, if the others are read rightly."""
+"""The factor for a single view, if the others are read correctly."""
 IDENTICAL = 2e-6
-"""The mean squared error, 57 dB, below which pictures are copies of the truth: the rounding to 8 bits alone is more
-than half of it.
-"""
+"""The mean squared error, 57 dB, below which pictures are copies of the truth; rounding to 8 bits gives 1.3e-6."""
 MOST_TRIED = 12
 THUMBNAIL = 32
 """The width of the pictures with which views are distinguished."""

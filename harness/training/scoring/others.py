@@ -24,7 +24,7 @@ SCORED = tuple(name for name, metric in METRICS.items() if metric.compares in ("
 
 
 class _Pictures:
-    """Pictures that are read when they are needed, so that they are not all in memory."""
+    """Pictures that are read one at a time."""
 
     def __init__(self, files: Sequence[Path], width: int, height: int) -> None:
         self.files, self.width, self.height = files, width, height
@@ -109,9 +109,9 @@ def score_pictures(
 
     `pictures` is a folder, compared at `resolution` pixels of width (default: their own width); a .ply of Gaussians,
     drawn at that width (default: that of the view set) in its units; or the images in the order of the views: display
-    colour [h, w, 3], or [h, w, 4] with straight alpha, uint8 or floats from 0 to 1. `lpips` is the file of its weights.
-    `each` gets the number of scored views, and of all. Raises `InputError` for pictures that are not those of the test
-    views and, unless `as_they_are`, for pictures that seem to be meant otherwise than they are read.
+    colour [h, w, 3], or [h, w, 4] with straight alpha, uint8 or floats from 0 to 1. `lpips` is the file of its weights;
+    `each` gets the numbers of scored and of all views. Raises `InputError` for pictures of other views and, unless
+    `as_they_are`, for pictures that seem to be misread.
     """
     distance = None if lpips is None else lpips_of(lpips)
     images, views, where = _read(pictures, view_set, resolution)

@@ -25,7 +25,7 @@ def step_down_max_t(differences: np.ndarray) -> np.ndarray:
     flips = _flips(values.shape[1])
 
     def statistic(sums: np.ndarray) -> np.ndarray:
-        """Return Student's |t| of sums [flips, pairs]; 0 for pairs that have less than two units or no difference."""
+        """Return Student's |t| of sums [flips, pairs]; 0 for pairs that have fewer than two units or no difference."""
         with np.errstate(divide="ignore", invalid="ignore"):
             share = np.minimum(sums**2 / (count * squares), 1.0)
             score = np.sqrt(share * (count - 1) / np.where(share < 1.0 - 1e-12, 1.0 - share, 0.0))
@@ -55,8 +55,8 @@ def _flips(units: int) -> np.ndarray:
 
 
 def letters(count: int, distinguished: Iterable[tuple[int, int]]) -> list[list[int]]:
-    """Return the letters of each of `count` methods, as numbers from 1: two share one if and only if they are not
-    distinguished. No letters at all if more than `MOST_LETTERS` would be needed.
+    """Return the letters of `count` methods, as numbers from 1: two share one exactly if they are not distinguished.
+    Without any letter if more than `MOST_LETTERS` would be needed.
     """
     columns = [(1 << count) - 1]
     for a, b in distinguished:

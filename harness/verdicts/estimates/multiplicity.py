@@ -10,10 +10,7 @@ import numpy as np
 
 
 def holm(values: Sequence[float | None], family: int | None = None) -> list[float | None]:
-    """Return the adjusted p-values of Holm's step-down procedure.
-
-    `family` is the declared size, which counts members without a p-value.
-    """
+    """Return p-values adjusted by Holm's step-down procedure; `family`, the declared size, counts missing ones too."""
     known = _known(values)
     order = np.argsort(known, kind="stable")
     many = max(family or 0, known.size)

@@ -24,10 +24,9 @@ class Estimated:
 def on_these_scenes(values: np.ndarray) -> Estimated:
     """Estimate the mean over scenes of the means over seeds, [...]; the error comes from seeds only.
 
-    The variance is the sum of the scenes' variances, and its degrees of freedom are Satterthwaite's,
-    (Σ vᵢ)² / Σ (vᵢ² / fᵢ), which lie between those of one scene, if it is much noisier than the others, and the sum
-    over all. For one scene this is Student's t on its seeds. A scene without a value is not part of the mean; if a
-    scene has only one value, its spread is unknown, and there is no error.
+    The variance is the sum of the scenes' variances, with Satterthwaite's degrees of freedom, (Σ vᵢ)² / Σ (vᵢ² / fᵢ);
+    for one scene this is Student's t on its seeds. A scene without a value is not part of the mean. If a scene has only
+    one value, its spread is unknown, and the error is NaN.
     """
     means, variances, counts = _by_scene(values)
     there, freedom = counts > 0, np.maximum(counts - 1.0, 0.0)

@@ -1,10 +1,10 @@
 """Estimates that one bad value does not decide, and outliers: pure functions on arrays.
 
 One bad cell of three does not move the median over the seeds of a scene. Over scenes the estimate is that of Hodges and
-Lehmann (1963), the median of the means of all pairs of scenes, with the exact interval of Wilcoxon's signed ranks. The
-interval assumes only symmetry, neither normal values nor equal spreads, and keeps its level for six scenes or more. At
-eight scenes the coverage of 25 % trimmed means with Yuen's error falls to 93 %, and one bad scene invalidates Student's
-t over medians. `harness/studies/evidence/calibration.py` shows the coverage with and without a collapsed cell.
+Lehmann (1963), the median of the means of all pairs of scenes, with the exact interval of Wilcoxon's signed ranks,
+which assumes only symmetry and keeps its level for six scenes or more. At eight scenes the coverage of 25 % trimmed
+means with Yuen's error falls to 93 %, and one bad scene invalidates Student's t over medians
+(`harness/studies/evidence/calibration.py`).
 """
 
 from functools import lru_cache
@@ -23,9 +23,8 @@ TO_SD = 1.4826
 
 
 def robust_over_scenes(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the robust mean over scenes of `values` [..., scenes, seeds], and the ends of its 95 % interval, [...].
-
-    The ends are NaN for fewer than six scenes. Raises `ValueError` if tables lack different scenes.
+    """Return the robust mean over scenes of `values` [..., scenes, seeds], and the ends of its 95 % interval, [...],
+    NaN for fewer than six scenes. Raises `ValueError` if tables lack different scenes.
     """
     medians = scene_medians(values)
     there = np.isfinite(medians)
@@ -36,10 +35,8 @@ def robust_over_scenes(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.n
 
 
 def hodges_lehmann(units: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the Hodges–Lehmann estimate of `units` [..., n] and the ends of its exact 95 % interval, [...].
-
-    The ends are NaN below six units, as chance puts all of them on one side in more than 5 %. Raises `ValueError`
-    without a unit.
+    """Return the Hodges–Lehmann estimate of `units` [..., n] and the ends of its exact 95 % interval, [...]. The ends
+    are NaN below six units, as chance puts all of them on one side in over 5 %. Raises `ValueError` without a unit.
     """
     count = units.shape[-1]
     if not count:
@@ -69,9 +66,8 @@ def _cut(count: int) -> int:
 def outliers(table: dict[str, np.ndarray], margin: float) -> list[tuple[str, int]]:
     """Return scene and index of the seed of each outlying difference of `table`, scene → [seeds].
 
-    An outlier lies more than five robust standard deviations (1.4826 times the median absolute deviation of all paired
-    differences of the comparison), and more than `margin`, from the median of all. If its scene has three seeds, it
-    also lies that far from the median of its scene: a scene whose seeds agree has no outlier.
+    An outlier lies more than five robust standard deviations (`TO_SD` times the median absolute deviation of all
+    differences), and more than `margin`, from the median of all; and from that of its scene, if that has three seeds.
     """
     known = np.concatenate([values[np.isfinite(values)] for values in table.values()] or [np.empty(0)])
     if known.size < FEWEST_FOR_OUTLIERS:

@@ -1,9 +1,9 @@
 """Finds where a series of measurements changed its level: circular binary segmentation (Olshen et al. 2004) on ranks.
 
-The segment that differs most from the rest of the series, at its end or within it, is cut out if it would seldom differ
-as much by chance, and every piece is searched again. Timings have heavy tails, and a figure that is always 0 has no
-spread. So ranks are compared, and chance is measured by random orders of the same ranks. A single outlying run is not a
-change; a change has at least `LEAST` measurements on each side.
+The segment that differs most from the rest of the series, at its end or within it, is cut out if chance would rarely
+make it differ so much, and every piece is searched again. Timings have heavy tails, and a figure that is always 0 has
+no spread. So ranks are compared, and chance is measured by random orders of the same ranks. A single outlying run is
+not a change; a change has at least `LEAST` measurements on each side.
 """
 
 from collections.abc import Iterator

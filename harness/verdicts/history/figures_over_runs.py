@@ -60,7 +60,7 @@ def _of_machine(runs: list[PastRun]) -> Iterator[Finding]:
 def _panels(
     values: dict[str, np.ndarray], units: dict[str, str], changes: dict[str, list[ChangePoint]]
 ) -> dict[str, list[str]]:
-    """Return the varying figures of each chart, which share the first part of their names and their unit."""
+    """Return the varying figures of each chart: those with the same unit and the same first part of their names."""
     panels: dict[str, list[str]] = {}
     for name, series in values.items():
         if len(series) > 1 and np.ptp(series) > 0:

@@ -23,7 +23,7 @@ class PastRun(Record, frozen=True):
     threads: int
     values: dict[str, float]
     units: dict[str, str] = field(default_factory=dict)
-    """The units of figures, for those with a unit."""
+    """Map figure → its unit, if it has one."""
 
     @property
     def machine(self) -> str:
@@ -43,9 +43,8 @@ def append(path: Path, run: PastRun) -> None:
 
 
 def read_history(path: Path) -> tuple[list[PastRun], list[str]]:
-    """Return the runs in their order, and a sentence for each invalid line, such as one that a full disk truncated.
-
-    Raises `InputError` if the file does not exist or holds no run.
+    """Return the runs in their order, and a sentence for each invalid line, such as a truncated one. Raises
+    `InputError` if the file does not exist or holds no run.
     """
     if not path.is_file():
         raise InputError(f"{path}: no such file; `python -m harness gate` and `nox -s speed` append to one (--history)")

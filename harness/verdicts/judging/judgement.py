@@ -191,9 +191,8 @@ def judge_rows(
     baseline: str | None,
     methods: Sequence[str] = (),
 ) -> JudgementRecord:
-    """Judge the first of `metrics`, or the primary one, and each further one by itself.
-
-    Raises `InputError` as `table_of` and `judge`, and for a margin of several metrics.
+    """Judge the first of `metrics`, by default the primary one, and each further one by itself. Raises `InputError` as
+    `table_of` and `judge`, and for a margin of several metrics.
     """
     metrics = list(dict.fromkeys(metrics))
     if margin is not None and len(metrics) > 1:
@@ -281,7 +280,6 @@ def ranking(table: ResultTable, margin: float, baseline: str | None = None) -> R
 
 
 def _differences(cells: np.ndarray, duels: Sequence[tuple[int, int]]) -> np.ndarray:
-    """Return the differences [pairs, scenes] of scene means [methods, scenes]."""
     return np.array([cells[a] - cells[b] for a, b in duels]).reshape(len(duels), -1)
 
 
@@ -333,7 +331,7 @@ def _rank(method: str, pairs: Sequence[Pair], count: int, higher_is_better: bool
 
 
 def best_shares(cells: np.ndarray, higher_is_better: bool) -> Sequence[float | None]:
-    """Return the probability of each method that its mean is the best, over scenes drawn again with Dirichlet weights
+    """Return the probability of each method that its mean is the best, over scenes reweighted by Dirichlet weights
     (Rubin 1981); None if a cell of [methods, scenes] is missing.
     """
     if not np.isfinite(cells).all():
@@ -347,9 +345,8 @@ def best_shares(cells: np.ndarray, higher_is_better: bool) -> Sequence[float | N
 
 
 def adjusted_means(cells: np.ndarray) -> np.ndarray:
-    """Return each method's mean [methods] over all scenes of `cells` [methods, scenes].
-
-    With missing cells it is that of an additive least-squares fit, so that missing a hard scene is not an advantage.
+    """Return each method's mean [methods] over all scenes of `cells` [methods, scenes]; with missing cells that of an
+    additive least-squares fit, so that missing a hard scene is not an advantage.
     """
     there = np.isfinite(cells)
     known = np.where(there, cells, 0.0)
@@ -400,7 +397,7 @@ def suspects(table: ResultTable, margin: float) -> list[Suspect]:
     taken = ((methods - 1) * (scenes - 1) / (methods * scenes)) ** 0.5
     of_method = _median(sizes.reshape(methods, -1), 1)[:, None, None]
     of_scene = _median(sizes.transpose(1, 0, 2).reshape(scenes, -1), 1)[None, :, None]
-    # of a table, or of its method and scene together: a spread of one of them alone would hide most of its outliers
+    # of the table, or of method and scene together: the spread of only the method would hide most of its outliers
     spread = 1.4826 * np.maximum(np.nanmedian(sizes), np.sqrt(of_method * of_scene)) / taken
     limit = np.maximum(SUSPECT_DEVIATIONS * spread, SUSPECT_MARGINS * margin)
     rounding = 1e-9 * np.nanmax(np.abs(values))

@@ -15,10 +15,9 @@ CELL = ("method", "scene", "seed")
 
 
 def over_views(rows: Rows) -> Rows:
-    """Return rows without a column of views: the mean of each cell. Rows without one, or with a single row for each
-    cell, whose column says something else, are returned as they are.
-
-    Raises `InputError` for a view that is listed twice, that a method of the scene lacks, or that has no score.
+    """Return the mean of each cell over a column of views; rows without one, or with only one row per cell, are
+    returned as they are. Raises `InputError` for a view that is listed twice, that a method of the scene lacks, or that
+    has no score.
     """
     name = next((name for name in VIEW if name in rows.columns), None)
     if name is None:

@@ -14,9 +14,8 @@ PER_VIEW, RESULTS = "per_view.json", "results.json"
 
 
 def read_rows(paths: Sequence[Path], metric: str | None = None) -> Rows:
-    """Read the rows of files, and of all JSON files below folders; raises `InputError` for a file without a table.
-
-    `metric` names the numbers of a table that does not name its metric.
+    """Read the rows of files, and of all JSON files below folders; `metric` names the numbers of a table that does not.
+    Raises `InputError` for a file without a table.
     """
     parts = []
     for path in paths:

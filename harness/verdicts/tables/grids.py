@@ -21,7 +21,7 @@ ASIDE = (
     "year", "venue", "publication", "params", "#params", "fps", "time", "training time", "train time", "memory", "size",
     "mem", "steps", "iterations", "rank", "gpu",
 )  # fmt: skip
-"""The names of columns of a wide table that are no scenes."""
+"""The columns of a wide table that are not scenes."""
 PSNR_RANGE = (8.0, 70.0)
 """The range in which all numbers of a table without a name of a metric must lie to be read as PSNR."""
 
@@ -36,9 +36,8 @@ class Grid:
 
 
 def read_text(path: Path, text: str, metric: str | None) -> Rows:
-    """Return the rows of all tables of a text; `metric` names the numbers of a table that does not name its metric.
-
-    Raises `InputError` for a text without a table, and for a table that could be read in two ways.
+    """Return the rows of all tables of a text; `metric` names the numbers of a table that does not. Raises `InputError`
+    for a text without a table, and for a table that could be read in two ways.
     """
     name = path.suffix.lower()
     if name == ".tex" or "\\begin{tabular" in text:
@@ -102,7 +101,7 @@ def _latex(text: str) -> list[Grid]:
             row = re.sub(r"\\(?:(?:top|mid|bottom|h)(?:rule|line)|cmidrule|cline|specialrule)(?:\([^)]*\))?"
                          r"(?:\[[^\]]*\])?(?:\{[^{}]*\})*", "", part)  # fmt: skip
             if "&" in row:
-                rows.append([one for cell in re.split(r"(?<!\\)&", row) for one in _spanned(cell)])
+                rows.append([spanned for cell in re.split(r"(?<!\\)&", row) for spanned in _spanned(cell)])
                 numbers.append(line + part[: len(part) - len(part.lstrip())].count("\n"))
             line += part.count("\n")
         near = text[max(0, match.start() - 600) : match.start()] + text[match.end() : match.end() + 600]
@@ -118,7 +117,7 @@ def _spanned(cell: str) -> list[str]:
 
 
 def _even(rows: list[list[str]], numbers: list[int], around: str) -> Grid:
-    """Return a grid whose rows have as many cells as the longest."""
+    """Return a grid with all rows padded to the longest."""
     longest = max(map(len, rows))
     return Grid([row + [""] * (longest - len(row)) for row in rows], numbers, around)
 
@@ -136,7 +135,6 @@ def _bare(name: str) -> str:
 
 
 def _rows(path: Path, grid: Grid, metric: str | None) -> Rows:
-    """Return the rows of a grid, long or wide."""
     head, *body = grid.rows
     names = [_bare(name) for name in head]
     lower = frozenset(bare for bare, name in zip(names, head, strict=True) if "↓" in name or "⬇" in name)

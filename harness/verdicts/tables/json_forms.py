@@ -1,7 +1,5 @@
-"""Results as JSON: rows, records of this program, and the files that other trainers write.
-
-nerfbaselines' result files, 3D Gaussian Splatting's `results.json` and `per_view.json`, nerfstudio's `ns-eval`, and the
-statistics of gsplat (`stats/val_step29999.json`).
+"""Results as JSON: rows, records of this program, and the files of nerfbaselines, 3D Gaussian Splatting
+(`results.json`, `per_view.json`), nerfstudio's `ns-eval` and gsplat (`stats/val_step29999.json`).
 """
 
 from collections.abc import Mapping
@@ -25,9 +23,8 @@ STATISTICS = ("stats", "results", "eval", "test")
 
 
 def read_json_rows(path: Path, label: str) -> Rows:
-    """Return the rows of a file. `label` names the method where the file and its folders do not.
-
-    Raises `InputError` for a file that holds no rows.
+    """Return the rows of a file; `label` names the method where the file and its folders do not. Raises `InputError`
+    for a file that holds no rows.
     """
     try:
         data = load_json(path)
@@ -74,7 +71,7 @@ def _rows(data: Any, path: Path, label: str) -> list[Any]:
     if isinstance(data.get("scenes"), dict):
         return _of_method(data)
     for name in ("methods", "cells"):
-        # a run's summary has a list of method names besides its cells
+        # a run's summary also has a list of method names
         if isinstance(data.get(name), list) and all(isinstance(each, dict) for each in data[name]):
             return _rows(data[name], path, label)
     if "scene" not in data and _scores(data):

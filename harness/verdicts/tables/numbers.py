@@ -1,4 +1,4 @@
-"""Cells of printed tables: emphasis and units taken off, numbers and missing results recognised."""
+"""Cells of printed tables: their emphasis and units are removed, numbers and missing results recognised."""
 
 import math
 import re
@@ -21,7 +21,7 @@ SIGNS = {
     "~": " ",
 }
 COMMANDS = re.compile(r"\\(?:cellcolor|rowcolor|color|textcolor|multirow|hspace|vspace)\*?(?:\[[^\]]*\])?\{[^{}]*\}")
-"""LaTeX commands whose first argument is no part of the cell."""
+"""LaTeX commands whose first argument is not part of the cell."""
 WRAPPER = re.compile(r"\\[a-zA-Z]+\*?(?:\[[^\]]*\])?\{([^{}]*)\}")
 NUMBER = re.compile(
     r"([+\-−]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+\-]?\d+)?)\s*(?:dB|%|s)?\s*(?:(?:±|\+/-|\+-).*|\(.*\))?"
@@ -45,7 +45,7 @@ def is_missing(value: object) -> bool:
 
 
 def number(value: Any) -> float | None:
-    """Return a value as a number; None if it is none, not finite or larger than `LARGEST`."""
+    """Return a value as a number; None if it is not one, not finite or larger than `LARGEST`."""
     if isinstance(value, bool):
         return None
     if isinstance(value, str) and (match := NUMBER.fullmatch(value.strip())):

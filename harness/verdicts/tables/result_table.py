@@ -66,7 +66,7 @@ def read_table(
 def table_of(
     rows: Rows, metric: str | None = None, lower: Sequence[str] = (), methods: Sequence[str] = ()
 ) -> ResultTable:
-    """Return one metric of `rows`, as `read_table` does for files; of the named `methods` alone if there are any."""
+    """Return one metric of `rows`, as `read_table` does for files; only of the named `methods` if there are any."""
     source = rows.stretches[0][0]
     metrics = [name for name in rows.columns if name not in KEYS and is_column_of_numbers(rows.columns[name])]
     chosen = _choose(rows, metrics, metric)
@@ -119,7 +119,7 @@ def _shared_cells(rows: Rows, of_rows: Sequence["_Encoded"]) -> list[str]:
     files: dict[tuple[int, int], dict[str, None]] = {}
     for cell, file in zip(zip(method.codes.tolist(), scene.codes.tolist(), strict=True), rows.files(), strict=True):
         files.setdefault(cell, {})[str(file)] = None
-    several = {method.names[cell[0]]: " and ".join(found) for cell, found in files.items() if len(found) > 1}
+    several = {method.names[cell[0]]: " and ".join(paths) for cell, paths in files.items() if len(paths) > 1}
     return [f"{name}: the results in {where} are taken as those of one method." for name, where in several.items()]
 
 
@@ -165,9 +165,7 @@ def _values(rows: Rows, chosen: str, of_rows: Sequence["_Encoded"]) -> np.ndarra
 
 
 def _averages(scenes: list[str], values: np.ndarray) -> list[int]:
-    """Return the scenes that are no scenes but means of the others: by their name, or, at either end of the table, by
-    their values for all methods, up to rounding.
-    """
+    """Return the scenes that are means of the others: by name, or, at either end of the table, by all their values."""
     named = [k for k, name in enumerate(scenes) if name.casefold().strip(" .:") in AVERAGES]
     others = [k for k in range(len(scenes)) if k not in named]
     if len(others) <= LEAST_AVERAGED or len(values) < 2:
@@ -219,9 +217,7 @@ class _Encoded:
 
 
 def _encode(rows: Rows, key: str) -> _Encoded:
-    """Encode a column of names. Names that differ in capitals or blanks only are one, with a note; so are 0 and 0.0 as
-    seeds.
-    """
+    """Encode a column of names; names that differ only in capitals or blanks, and the seeds 0 and 0.0, are equal."""
     column = rows.columns.get(key) or [None] * len(rows)
     spellings: dict[str, dict[str, None]] = {}
     codes, places = [], dict[str, int]()

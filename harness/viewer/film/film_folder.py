@@ -1,4 +1,4 @@
-"""The folder of a film: a fresh one, or that of the same film to resume, never one that is in use.
+"""The folder of a film: a fresh folder, or that of the same film to resume, never one in use.
 
 DIR/film.json                     the film's settings, so that another film is not mixed into it
 DIR/<scene>/<method>/0000.png …   frames (`harness.viewer.film.frames`)
@@ -32,7 +32,7 @@ def claim(folder: Path, spec: "FilmSpec", out: Path, say: Callable[[str], None])
     and methods; all other settings must be the same. A lost record is reported and written again, as `frames.json`
     names the view of each frame.
 
-    Raises `InputError` for a folder with other contents, one with another film, or one that cannot be written.
+    Raises `InputError` for a folder with other contents or another film, or that cannot be written.
     """
     # relative, as a run may be moved with its films
     now = {**asdict(spec), "run": os.path.relpath(out.resolve(), folder.resolve())}

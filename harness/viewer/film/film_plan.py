@@ -30,7 +30,6 @@ class Part:
     keys: list[str]
     missing: list[int]
     cached: int
-    """The number of missing frames that are in the view cache."""
 
 
 @dataclass

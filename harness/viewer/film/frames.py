@@ -53,7 +53,6 @@ class FrameFolder:
         )
 
     def write(self, number: int, key: str, view: View) -> None:
-        """Write atomically; raises `OSError` if it cannot be written."""
         self.path.mkdir(parents=True, exist_ok=True)
         png, exr = self._files(number)
         with replacing(png, png.suffix) as file:

@@ -45,8 +45,6 @@ class FilmSpec:
 
 @dataclass(frozen=True)
 class Take:
-    """The views of one scene, the same for all methods."""
-
     scene: SceneRecord
     cameras: tuple[Camera, ...]
     truth: ViewSet | None = None

@@ -18,9 +18,8 @@ class _Failed(Exception):
 
 
 def ffmpeg() -> str | None:
-    """Return the path of the program, None without one."""
-    if found := shutil.which("ffmpeg"):
-        return found
+    if program := shutil.which("ffmpeg"):
+        return program
     with suppress(ImportError, RuntimeError):
         import imageio_ffmpeg
 

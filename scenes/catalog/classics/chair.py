@@ -68,7 +68,6 @@ def seat_outline(count: int = 96) -> np.ndarray:
 
 
 def along(path: np.ndarray, solid: Solid) -> Solid:
-    """Return a copy of the solid at every point."""
     return merged(solid.moved(*point) for point in path)
 
 
@@ -91,7 +90,6 @@ def carved_back() -> Solid:
 
 
 def front_leg() -> Solid:
-    """A cabriole leg: a knee, a thin ankle, a curled foot."""
     bend = [(0.37, 0.43, -0.27), (0.46, 0.50, -0.42), (0.44, 0.485, -0.65), (0.385, 0.44, -0.88), (0.43, 0.48, -1.0)]
     radius = np.interp(np.linspace(0, 1, 36), [0, 0.22, 0.5, 0.82, 0.93, 1], [0.075, 0.085, 0.046, 0.028, 0.04, 0.05])
     foot = ball(0.055, 16).moved(0.445, 0.495, -1.005)
@@ -102,7 +100,6 @@ def front_leg() -> Solid:
 
 
 def back_leg() -> Solid:
-    """A sabre leg: swept backwards, carried on upwards as the stile of the back."""
     leg = [(-0.60, 0.40, -1.06), (-0.47, 0.385, -0.75), (-0.40, 0.38, -0.35)]
     bend = [*leg, (-0.375, 0.39, -0.05), (-0.35, 0.40, 0.12)]
     return tube(spline(bend, 30), np.interp(np.linspace(0, 1, 30), [0, 0.5, 1], [0.032, 0.052, 0.036]), 12)
@@ -142,7 +139,6 @@ def apron() -> Solid:
 
 
 def stretcher() -> Solid:
-    """Thin turned bars between the legs, crossing in an H."""
     side = rod((0.41, 0.455, -0.72), (-0.46, 0.385, -0.75), 0.02, 10)
     bulb = ball(1.0, 14).scaled(0.10, 0.034, 0.034).moved(-0.02, 0.42, -0.735)
     cross = rod((-0.02, -0.42, -0.735), (-0.02, 0.42, -0.735), 0.02, 10)

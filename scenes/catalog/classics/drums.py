@@ -26,12 +26,10 @@ def pose(at: tuple[float, float, float], tilt: float = 0.0, azimuth: float = 0.0
 
 
 def pipe(outer: float, inner: float, low: float, high: float) -> Solid:
-    """An open cylinder with a wall."""
     return lathe([(inner, low), (outer, low), (outer, high), (inner, high), (inner, low)], 64)
 
 
 def skin(radius: float, z: float) -> Solid:
-    """A sheet that faces up."""
     return lathe([(radius, z), (0.7 * radius, z), (0.0, z)], 64)
 
 
@@ -109,7 +107,7 @@ def bass_drum() -> Parts:
     hoops = merged(pipe(radius + 0.034, radius, s * depth / 2 - 0.024, s * depth / 2 + 0.024) for s in (-1, 1))
     claw = rounded_box(0.02, 0.04, 0.065, 0.008)
     claws = around(merged(claw.moved(radius + 0.036, 0, s * depth / 2) for s in (-1, 1)), 10)
-    # the print on the front skin: two rings and a star
+    # the print: two rings and a star
     rings = [lathe([(b, 0), (a, 0)], 64) for a, b in ((0.385, 0.405), (0.20, 0.235))]
     star = [box(0.075, 0.30, 0.002).turned(angle) for angle in (0, 60, 120)]
     badge = merged([*rings, *star]).moved(z=depth / 2 + 0.004)
@@ -161,7 +159,6 @@ def throne() -> Parts:
 
 
 def sparkle(pixels: int = 256) -> np.ndarray:
-    """A lacquer with metal flakes, darker towards the hoops (v runs along the profile of the shell)."""
     rng = np.random.default_rng(5)
     flakes = rng.random((pixels, pixels, 1)) ** 6
     colour = np.array(surfaces.srgb("#b01020")) * (0.8 + 0.4 * rng.random((pixels, pixels, 1)))

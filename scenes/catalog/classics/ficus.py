@@ -33,7 +33,6 @@ def build() -> Description:
 
 
 def pot() -> Solid:
-    """A tapering pot with a collar; hollow above the soil."""
     outside = [(0, 0), (0.22, 0), (0.235, 0.006), (0.243, 0.02), (0.305, 0.355), (0.31, 0.362)]
     collar = [(0.345, 0.362), (0.352, 0.37), (0.362, 0.485), (0.357, 0.497), (0.345, 0.5), (0.325, 0.495)]
     inside = [(0.315, 0.48), (0.30, 0.40), (0, 0.40)]
@@ -41,7 +40,6 @@ def pot() -> Solid:
 
 
 def soil() -> Solid:
-    """A flat, slightly heaped disc with its underside hidden in the pot."""
     heap = [(0.314 * (1 - t), SOIL + 0.03 * t**0.7) for t in np.linspace(0, 1, 12)]
     return smooth(lathe([(0, SOIL - 0.02), (0.31, SOIL - 0.02), *heap], segments=64))
 
@@ -80,7 +78,6 @@ def grown() -> tuple[list[Solid], list[Solid]]:
     leaves: list[Solid] = []
 
     def grow(start: np.ndarray, direction: np.ndarray, length: float, radius: float, order: int) -> None:
-        """Grow one axis and everything on it."""
         habit = ORDERS[order]
         path = wander(random, start, direction, length, habit)
         taper = radius * np.linspace(1.0, 0.35, habit.points)
@@ -125,7 +122,6 @@ def unit(vector: np.ndarray) -> np.ndarray:
 
 
 def sideways(along: np.ndarray, angle: float) -> np.ndarray:
-    """A unit vector square to `along`, turned about it."""
     first = unit(np.cross(along, np.eye(3)[np.argmin(np.abs(along))]))
     turned: np.ndarray = np.cos(angle) * first + np.sin(angle) * np.cross(along, first)
     return turned

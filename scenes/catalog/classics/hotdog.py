@@ -16,7 +16,6 @@ SAUSAGE_LENGTH, SAUSAGE_RADIUS = 1.66, 0.125
 SAUSAGE_HEIGHT = 0.155
 """The height of the sausage's axis over the centre of the bun."""
 BETWEEN = 0.37
-"""The distance from the centre of the plate to the centre of each bun."""
 PLATE_TOP = -0.21
 BUN_CENTRE = PLATE_TOP + 0.185
 
@@ -39,7 +38,6 @@ def build() -> Description:
 
 
 def plate() -> Solid:
-    """A well, a raised rim with a soft lip, a foot below."""
     under = [(0, -0.03), (0.5, -0.03), (0.54, -0.055), (0.6, -0.055), (0.63, -0.03), (0.80, -0.018), (0.88, 0.05)]
     lip = [(0.96, 0.09), (1.17, 0.128), (1.197, 0.142), (1.205, 0.154), (1.197, 0.164), (1.17, 0.162)]
     slope = [(1.1, 0.148), (0.98, 0.124), (0.93, 0.108), (0.89, 0.08), (0.85, 0.036), (0.81, 0.012)]
@@ -113,7 +111,6 @@ def bread() -> np.ndarray:
 
 
 def skin() -> np.ndarray:
-    """A reddish brown skin, a little mottled."""
     return surfaces.mixed((0.36, 0.075, 0.028), (0.52, 0.14, 0.05), surfaces.mottle(5, 128, 128, 1.2))
 
 

@@ -16,7 +16,6 @@ from scenes.modelling.solids import Solid, ball, box, creased, cylinder, lathe, 
 STUD = 0.118
 PLATE, BRICK = 0.4, 1.2
 GAP = 0.03
-"""The gap between neighbouring bricks, visible as a seam."""
 
 MATERIALS: dict[str, Description] = {
     "yellow": surfaces.plastic(surfaces.srgb("#f7c414"), 0.1),
@@ -42,7 +41,6 @@ def brick(x: float, y: float, z: float, length: int, width: int, height: float, 
 
 
 def wall(x: float, y: float, z: float, lengths: list[int], width: int, height: float = BRICK) -> Solid:
-    """A row of bricks without studs, one behind the other along x."""
     starts = accumulate(lengths[:-1], initial=0)
     return merged(brick(x + start, y, z, n, width, height, False) for start, n in zip(starts, lengths, strict=True))
 
@@ -161,7 +159,6 @@ def driver() -> Parts:
 
 
 def rear() -> Parts:
-    """The counterweight with a slope, red lamps, and a ripper."""
     block = [brick(-6, -2, 2.1, 2, 4, BRICK, False), brick(-6, -2, 3.3, 2, 4, PLATE)]
     slope = prism([(-7, 2.1), (-6.02, 2.1), (-6.02, 3.3), (-6.2, 3.3)], -2 + GAP, 2 - GAP)
     lamps = [creased(cylinder(0.28, 0.2, 18)).turned(-55, (0, 1, 0)).moved(-6.62, y, 2.82) for y in (-1.5, 1.5)]

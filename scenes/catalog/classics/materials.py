@@ -23,7 +23,6 @@ def build() -> Description:
 
 
 def materials() -> dict[str, Description]:
-    """The materials row by row; similar ones lie apart."""
     return {
         "gold": surfaces.metal("gold", 0.06),
         "red_lacquer": surfaces.plastic(surfaces.srgb("#c01818"), surfaces.GLAZE),
@@ -43,13 +42,11 @@ def materials() -> dict[str, Description]:
 
 
 def chequers() -> np.ndarray:
-    """Yellow and near-black fields, twice as many around as from pole to pole."""
     rows, columns = np.indices((256, 512)) // 32
     return surfaces.mixed((0.80, 0.55, 0.06), (0.04, 0.04, 0.045), ((rows + columns) % 2).astype(float))
 
 
 def wood() -> np.ndarray:
-    """The growth rings of wood, bent by noise."""
     height, width = 256, 512
     ring = 7 * np.linspace(0, 1, height)[:, None] + 3.2 * surfaces.mottle(11, height, width, 2.2)
     grain = 0.5 + 0.5 * np.sin(2 * np.pi * ring)

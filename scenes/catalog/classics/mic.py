@@ -16,7 +16,6 @@ NECK = -HALF - RADIUS
 """The place along the axis, from the middle of the head, where the handle begins."""
 FLOOR = -1.10
 FOOT = -0.14
-"""The x of the pole."""
 
 
 def head_surface(polar: np.ndarray, azimuth: np.ndarray, lift: np.ndarray | float = 0.0) -> np.ndarray:

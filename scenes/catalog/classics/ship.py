@@ -34,7 +34,6 @@ def build() -> Description:
 
 
 def basin() -> Solid:
-    """A round bowl; the water and the sand fill it."""
     r, low = BASIN_RADIUS, BASIN_BOTTOM
     outside = [(0, low), (r - 0.08, low), (r - 0.05, low + 0.01), (r - 0.01, low + 0.05), (r, low + 0.1)]
     rim = [(r + 0.005, WATER + 0.01), (r + 0.003, WATER + 0.02), (r - 0.005, WATER + 0.026), (r - 0.028, WATER + 0.026)]
@@ -50,7 +49,6 @@ def disc(radius: float, rings: int, segments: int) -> tuple[np.ndarray, np.ndarr
 
 
 def waves(x: np.ndarray, y: np.ndarray, seed: int, longest: float, height: float, count: int = 14) -> np.ndarray:
-    """A sum of sine waves, mostly along one wind."""
     random = np.random.default_rng(seed)
     z = np.zeros_like(x)
     for length in np.geomspace(longest, longest / 4, count):
@@ -82,7 +80,6 @@ def seabed() -> Solid:
 
 
 def sand() -> np.ndarray:
-    """Pale sand, bluish in the hollows, with dark weed."""
     grain = surfaces.mixed((0.08, 0.18, 0.19), (0.36, 0.37, 0.27), surfaces.mottle(21, 256, 256, 1.3))
     weed = 1 / (1 + np.exp(-(surfaces.mottle(22, 256, 256, 1.9) - 0.68) / 0.02))
     bed: np.ndarray = grain + weed[..., None] * (np.array((0.018, 0.05, 0.035)) - grain)

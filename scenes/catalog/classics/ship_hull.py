@@ -9,14 +9,12 @@ from scenes.modelling.parts import merged
 from scenes.modelling.solids import Solid, ball, box, loft, tube
 
 WATER = -0.40
-"""The height of the water line."""
 KEEL = WATER - 0.11
 STERN, BOW = -0.64, 0.60
 STEPS = (0.36, -0.22, -0.45)
 """The stations where the deck steps: to the forecastle, the quarterdeck, the poop."""
 MASTS_AT = (0.33, -0.04, -0.41)
 BEAM = 0.185
-"""Half the greatest breadth."""
 STRAKES = 25
 """The number of points of a cross-section from the keel to the rail; deck and bulwark add three."""
 SHEER = 0.8
@@ -109,7 +107,6 @@ def on_side(x: float, t: float, starboard: bool) -> np.ndarray:
 
 
 def fittings() -> Solid:
-    """Make all parts of dark wood: gun ports, rails, the shrouds' channels, anchors, hatches, rudder."""
     parts = [box(0.075, 0.012, 0.25).moved(x=STERN - 0.045, z=WATER + 0.02)]
     parts += [box(0.09, 0.12, 0.03).moved(x=x, z=float(deck(np.array([x]))[0]) + 0.012) for x in (0.16, -0.16)]
     for starboard in (True, False):
@@ -129,7 +126,6 @@ def rails(starboard: bool) -> list[Solid]:
 
 
 def anchor(starboard: bool) -> list[Solid]:
-    """An anchor that hangs at the bow: shank and arms."""
     ring = on_side(0.5, 0.8, starboard) * np.array([1, 1.12, 1])
     along = np.linspace(-1, 1, 9)
     arms = np.stack([0.045 * along, np.zeros(9), 0.03 * along**2 - 0.12], axis=-1)

@@ -33,7 +33,6 @@ BOOM = np.array([[MIZZEN.x - 0.02, 0, -0.13], [MIZZEN.x - 0.38, 0, -0.10]])
 
 
 def spars() -> Solid:
-    """Masts, bowsprit, yards, the gaff and boom of the spanker."""
     parts = []
     for mast in MASTS:
         line = np.array([at(mast, z) for z in (mast.foot - 0.1, mast.top, mast.top + 0.02, mast.head)])
@@ -44,13 +43,11 @@ def spars() -> Solid:
 
 
 def tops() -> Solid:
-    """The round platforms where the shrouds end."""
     outline = [(0, 0), (0.045, 0.0), (0.062, 0.012), (0.062, 0.02), (0, 0.02)]
     return merged(lathe(outline, segments=24).moved(x=mast.x, z=mast.top) for mast in MASTS)
 
 
 def spar(ends: np.ndarray, radius: float) -> Solid:
-    """A spar, thickest in the middle."""
     t = np.linspace(0, 1, 9)
     return tube(between(ends[0], ends[1], t), radius * (1 - 0.5 * (2 * t - 1) ** 2), sides=8)
 

@@ -11,11 +11,9 @@ class Ladder:
     name: str
     title: str
     unit: str
-    """The quantity and unit of the values."""
     values: tuple[float, ...]
     """The values, one per rung, the easiest first."""
     hard: str
-    """The reason why the upper rungs are hard."""
 
     @property
     def scenes(self) -> tuple[str, ...]:

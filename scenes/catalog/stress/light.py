@@ -16,7 +16,6 @@ HALF = 0.95
 HDR_FLOOR, GRAZING_FLOOR = -0.4, -0.2
 LAMP, LAMP_RADIUS = (0.0, 0.0, 0.15), 0.12
 BRIGHTEST = 0.8
-"""The radiance of the floor at its brightest."""
 RATIO = 1e6
 ELEVATION = 0.1
 """The degrees above the horizon: light meets the floor at 89.9° from its normal."""

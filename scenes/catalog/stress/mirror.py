@@ -8,9 +8,7 @@ from scenes.modelling.scene import Description, Scene
 from scenes.modelling.truth import Seen
 
 HALF, HEIGHT = 0.95, -0.5
-"""Half an edge and the height of the floor."""
 CENTRE, RADIUS = (0.0, 0.0, 0.05), 0.5
-"""The centre and radius of the mirror."""
 FLOOR = chequers(8, 8, (0.70, 0.62, 0.45), (0.10, 0.14, 0.22))
 BALLS = {
     "a": ((0.68, 0.10, -0.28), 0.20),
@@ -37,10 +35,7 @@ def build() -> Description:
 
 
 def lights(o: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return radiance [rays, 3] and distance [rays] of the first glowing surface; 0 and inf without one.
-
-    The floor glows only upwards.
-    """
+    """Return radiance [rays, 3] and distance [rays] of the first glowing surface; 0 and inf without one."""
     t = geometry.square(o, d, HEIGHT, HALF)
     texture = geometry.square_texture(FLOOR, geometry.at(o, d, t), HALF)
     colour = np.where((np.isfinite(t) & (d[:, 2] < 0))[:, None], texture, 0.0)

@@ -18,7 +18,6 @@ def patchwork(seed: int, rows: int, columns: int, low: float = 0.05, high: float
 
 
 def fields(pixels: np.ndarray) -> Description:
-    """Return a texture or the colours of a glow, its fields with sharp borders."""
     return {"type": "bitmap", "data": pixels, "filter_type": "nearest", "raw": True}
 
 
@@ -33,7 +32,6 @@ def sky(radiance: float = 1.0) -> Description:
 
 
 def glowing(radiance: Description) -> Description:
-    """Return the entries of a shape that glows and reflects nothing."""
     return {"bsdf": matte(rgb(0.0)), "emitter": {"type": "area", "radiance": radiance}}
 
 

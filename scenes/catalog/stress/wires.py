@@ -17,7 +17,6 @@ from scenes.view_sets.viewpoints import FOV_X_RADIANS, RADIUS
 RESOLUTION = 48
 """The width in pixels of the views that the stress scenes are meant for."""
 CAGE_HALF, FLOOR_HALF = 0.75, 0.95
-"""Half an edge of the cage, and of the chequers."""
 
 
 def pixel_size(resolution: int) -> float:

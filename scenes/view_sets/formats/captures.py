@@ -63,8 +63,7 @@ class _Posed:
 def read_colmap(path: Path, sparse: Path) -> Source:
     """Read a reconstruction and the folder `images` of `path`; distortion is undone.
 
-    Raises `InputError`, naming file, value and remedy, for invalid data, for fisheye lenses, and, unless bounds are
-    given, for an unbounded scene.
+    Raises `InputError` for invalid data, for fisheye lenses, and, unless bounds are given, for an unbounded scene.
     """
     end = "bin" if (sparse / "cameras.bin").is_file() else "txt"
     tables = {name: sparse / f"{name}.{end}" for name in ("cameras", "images", "points3D")}
@@ -181,7 +180,6 @@ def _bytes(file: Path) -> bytes:
 
 
 def _lines(file: Path) -> list[str]:
-    """Return the lines that are neither empty nor comments."""
     text = _bytes(file).decode("utf-8-sig")
     return [line for line in map(str.strip, text.splitlines()) if line and not line.startswith("#")]
 
@@ -258,7 +256,6 @@ def _pose(file: Path, name: str, camera: int, numbers: list[float]) -> _Posed:
 
 
 def _points(file: Path) -> np.ndarray:
-    """Return the reconstructed points [n, 3]; none without such a file."""
     if not file.is_file():
         return np.zeros((0, 3))
     if file.suffix == ".txt":

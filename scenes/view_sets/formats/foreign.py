@@ -28,7 +28,6 @@ LARGEST_BYTES = 1 << 30
 LARGEST_PIXELS = 1 << 22
 """The largest size of one image: 2048 × 2048."""
 LARGEST_SMALL = 1 << 22
-"""The largest size of an array that is read at once."""
 _PROBLEMS = (
     OSError, ValueError, zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, SyntaxError,
     TypeError, MemoryError, tokenize.TokenError,
@@ -37,9 +36,7 @@ _PROBLEMS = (
 
 
 def _array(file: Path, name: str, limit: int = LARGEST_SMALL) -> np.ndarray:
-    """Return one array of the archive as it is stored. Raises `InputError` if it is missing, damaged, pickled, larger
-    than the limit, or not of finite numbers.
-    """
+    """Raises `InputError` for an array that is missing, damaged, pickled, beyond the limit or not of finite numbers."""
     where = f"{file}: {name}"
     try:
         with zipfile.ZipFile(file) as archive, archive.open(f"{name}.npy") as stream:
@@ -154,7 +151,6 @@ def write_tiny_nerf(
 
 
 def _splits(file: Path, names: set[str], count: int) -> tuple[dict[str, list[int]], list[str]]:
-    """Return split → indices of its views, and the assumptions made."""
     if {"i_train", "i_test"} <= names:
         splits = {name: _indices(file, f"i_{name}", count) for name in ("train", "test")}
         if set(splits["train"]) & set(splits["test"]):
@@ -225,9 +221,7 @@ def read_blender(folder: Path) -> Source:
 
 def source_of(path: Path) -> Source:
     """Return the reader for a folder in the Blender format, a folder with `transforms.json` or with a reconstruction of
-    COLMAP or LLFF, or a tiny-NeRF file.
-
-    Raises `InputError` for any other path, and for invalid contents.
+    COLMAP or LLFF, or a tiny-NeRF file. Raises `InputError` for any other path, and for invalid contents.
     """
     if path.is_dir():
         if any(transforms_file(path, split).exists() for split in ("train", "test")):

@@ -1,6 +1,4 @@
-"""The camera model of all formats: a lens, perhaps with distortion, and the resampling of its pictures to a pinhole
-with square pixels and a centred axis.
-"""
+"""The camera model of all formats: a lens, perhaps distorted, whose pictures are resampled to a centred pinhole."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -28,7 +26,6 @@ MODELS = {
     8: ("SIMPLE_RADIAL_FISHEYE", ("f", "cx", "cy", "k1")),
     9: ("RADIAL_FISHEYE", ("f", "cx", "cy", "k1", "k2")),
 }
-"""Map COLMAP's number of a model → its name and parameters."""
 NAMES = tuple(name for name, _ in MODELS.values())
 SAME = 1e-4
 """The distance in pixels below which two lenses show the same picture."""
@@ -136,8 +133,8 @@ class Lens:
 def _outline(pinhole: Lens) -> tuple[np.ndarray, np.ndarray]:
     """Return directions (x, y, 1) along the edge of a pinhole's picture, once around."""
     side = np.linspace(-1.0, 1.0, 65)[:-1]
-    one = np.ones_like(side)
-    x, y = np.concatenate([side, one, -side, -one]), np.concatenate([-one, side, one, -side])
+    edge = np.ones_like(side)
+    x, y = np.concatenate([side, edge, -side, -edge]), np.concatenate([-edge, side, edge, -side])
     return 0.5 * pinhole.width / pinhole.fx * x, 0.5 * pinhole.height / pinhole.fy * y
 
 
@@ -188,7 +185,7 @@ def looked_into(files: Sequence[Path]) -> tuple[int, list[str]]:
     notes = []
     if headers[0].channels == 3:
         notes.append("Images without alpha count as fully opaque, background included.")
-    if turned := [(file, one.orientation) for file, one in zip(files, headers, strict=True) if one.orientation > 1]:
+    if turned := [(file, head.orientation) for file, head in zip(files, headers, strict=True) if head.orientation > 1]:
         file, orientation = turned[0]
         notes.append(
             f"{len(turned)} of {len(files)} pictures have an EXIF orientation ({file.name}: {orientation}): pixels are "
@@ -204,7 +201,6 @@ def seen_size(file: Path, lens: Lens | None, pinhole: Lens | None) -> tuple[int,
 
 
 def _seen(file: Path, stored: tuple[int, ...], lens: Lens | None, pinhole: Lens | None) -> tuple[int, int]:
-    """Return height and width of a picture of the size `stored` once it is resampled."""
     height, width = stored
     if lens is None or pinhole is None:
         return height, width
@@ -236,9 +232,7 @@ def read_through(file: Path, lens: Lens | None, pinhole: Lens | None, channels: 
 
 
 def as_pinhole(image: np.ndarray, lens: Lens, pinhole: Lens) -> np.ndarray:
-    """Resample a lens's opaque or straight image, float32 [h, w, 3 or 4], to a pinhole, linearly; both are scaled to
-    its size.
-    """
+    """Resample an opaque or straight image, float32 [h, w, 3 or 4], linearly, with both lenses scaled to its size."""
     if lens.shows(pinhole):
         return image
     share = image.shape[1] / lens.width

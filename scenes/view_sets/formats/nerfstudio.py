@@ -76,7 +76,6 @@ def read_nerfstudio(folder: Path) -> Source:
 
 
 def _splits(document: Document, file: Path, files: list[Path]) -> tuple[dict[str, list[int]], list[str]]:
-    """Return split → indices of its views, and the assumptions made."""
     numbers = {image: number for number, image in enumerate(files)}
     named: dict[str, list[int]] = {}
     for split in SPLITS:

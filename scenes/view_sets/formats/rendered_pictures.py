@@ -37,8 +37,7 @@ def pictures_in(folder: Path) -> list[Path]:
 def of_views(files: Sequence[Path], names: Sequence[str]) -> list[Path]:
     """Return the picture of each view: by its name, or else by number if the counts of pictures and views are equal.
 
-    `names` are paths such as `test/r_0`, of which the last part counts. Raises `InputError` where that leaves a view
-    without a picture, or with two.
+    Of `names` such as `test/r_0` the last part counts. Raises `InputError` for a view without a picture, or with two.
     """
     if twice := [stem for stem, many in Counter(file.stem for file in files).items() if many > 1]:
         raise InputError(f"{files[0].parent}: has two pictures called {twice[0]}; keep one")

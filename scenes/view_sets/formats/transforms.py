@@ -33,7 +33,6 @@ Row = tuple[Number, Number, Number, Number]
 
 DISTORTION = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2", "p3", "p4")
 LISTED = ("k1", "k2", "k3", "k4", "p1", "p2")
-"""The order of nerfstudio's `distortion_params`."""
 
 
 class Camera(Struct, frozen=True, kw_only=True):
@@ -88,8 +87,6 @@ class Document(Camera, frozen=True, kw_only=True):
 
 @dataclass(frozen=True)
 class Frames:
-    """The views that a file lists, or those of one split."""
-
     fov_x_radians: float
     """The horizontal field of view of the pinhole that all views have, after resampling where a lens is none."""
     files: list[Path]
@@ -103,8 +100,6 @@ class Frames:
 
 @dataclass(frozen=True)
 class Listing:
-    """A file, read and checked."""
-
     document: Document
     frames: Frames
     lenses: dict[Path, Lens | None]
@@ -135,7 +130,6 @@ def write_transforms(file: Path, fov_x_radians: float, paths: list[str], camera_
 
 
 def read_transforms(folder: Path, split: str) -> Frames:
-    """Read a listing of one split; errors as in `read_listing`."""
     return read_listing(transforms_file(folder, split)).frames
 
 
@@ -259,19 +253,19 @@ def image_file(folder: Path, path: str, where: str) -> Path:
 
 
 def _in_other_case(candidates: list[Path]) -> Path | None:
-    """Return the only file next to the candidates that has the name of one but for capitals."""
+    """Return the only file next to the candidates that has the name of a candidate, apart from case."""
     names = {candidate.name.lower() for candidate in candidates}
     folder = candidates[0].parent
-    there = folder.iterdir() if folder.is_dir() else ()
-    found = [file for file in there if file.name.lower() in names and file.is_file()]
-    return found[0].resolve() if len(found) == 1 else None
+    neighbours = folder.iterdir() if folder.is_dir() else ()
+    matches = [file for file in neighbours if file.name.lower() in names and file.is_file()]
+    return matches[0].resolve() if len(matches) == 1 else None
 
 
 def _lens(camera: Camera, image: Path, where: str) -> tuple[Lens | None, list[str]]:
-    """Return the lens that a frame's keys describe, None if they give an angle alone, and what was assumed.
+    """Return the lens that a frame's keys describe, None if they give only an angle, and what was assumed.
 
-    What decides is what the readers of the field take: fl_x before camera_angle_x, and square pixels where only one
-    focal length is given. Redundant keys are compared with it.
+    As with other readers, fl_x decides before camera_angle_x, and pixels are square where only one focal length is
+    given. Redundant keys are compared with it.
     """
     if camera.mask_path is not None:
         raise InputError(
@@ -301,7 +295,6 @@ def _lens(camera: Camera, image: Path, where: str) -> tuple[Lens | None, list[st
 
 
 def _model(camera: Camera, where: str) -> str:
-    """Return the name of the camera's model; raises `InputError` for one that is not read."""
     if camera.is_orthographic:
         raise InputError(
             f"{where}: is_orthographic is {shown(camera.is_orthographic)}; only central projections are read"
@@ -320,7 +313,6 @@ def _model(camera: Camera, where: str) -> str:
 
 
 def _distortion(camera: Camera, model: str, where: str) -> dict[str, float]:
-    """Return the parameters of distortion by name; raises `InputError` for those that the model does not have."""
     values = {key: getattr(camera, key) or 0.0 for key in DISTORTION}
     if listed := camera.distortion_params:
         if len(listed) > len(LISTED) and any(listed[len(LISTED) :]):
@@ -339,7 +331,7 @@ def _distortion(camera: Camera, model: str, where: str) -> dict[str, float]:
 def _redundant(camera: Camera, focal: tuple[float, float], size: tuple[int, int], where: str) -> list[str]:
     """Compare the angles that are given with the focal lengths in pixels that decide; return notes.
 
-    Raises `InputError` if an angle contradicts them by more than `PIXEL` at the edge, but for two that add-ons of
+    Raises `InputError` if an angle contradicts them by more than `PIXEL` at the edge, except for two that add-ons of
     Blender write: the angle of the longer side as that of x, and that of the sensor's height as that of y.
     """
     notes = []

@@ -130,7 +130,6 @@ def misnamed(trainer: Trainer, rays: Rays, bad: int) -> dict[str, str]:
 
 
 def rays_in_the_chunk(trainer: Trainer, rays: Rays) -> Int[Tensor, " hits"]:
-    """Return the numbers of the rays that a field sees: those that meet the box."""
     if trainer.whole_rays or not trainer.settings.accelerations.clipping:
         return torch.arange(len(rays))
     box = trainer.box
@@ -145,9 +144,7 @@ OPAQUE = 0.99
 FOCAL, DISTANCE = 1111.11 / 800.0, 4.0311
 """The classic camera: its focal length per pixel of width, and its distance from the origin in scene units."""
 HALF_EXTENT = 1.5
-"""Half of the longest side of the box: 1.2 to 1.5 in the classic scenes. In the largest box a pixel is the smallest
-share of it, so that a density per half box is least opaque.
-"""
+"""Half of the longest side of the box, 1.2 to 1.5 in the classic scenes: in the largest box, a pixel is smallest."""
 
 
 def pixel_opacity(method: str, resolution: float) -> float:

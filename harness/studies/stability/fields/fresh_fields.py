@@ -2,10 +2,9 @@
 
 There are no silhouettes (no hull, no rays drawn through covered pixels) and no occupancy grid: pixels are drawn evenly
 from views of a small ball on white, in a box of ±1.5, and Adam's rate is 5e-4. The network is the paper's, as the
-change of its output in a step of Adam grows with its width; rays and bins are few. A field that is opaque at first
-hides the ball and learns the colour of the background at once: white is the end of the range of a colour, where its
-sigmoid has no gradient. A grey background, with a smaller network at ten times the rate, distinguishes this from the
-clamp of Listing 2.
+change of its output in a step of Adam grows with its width. A field that is opaque at first hides the ball and learns
+the colour of the background at once: white is the end of the range of a colour, where its sigmoid has no gradient. A
+grey background, with a smaller network at ten times the rate, distinguishes this from the clamp of Listing 2.
 """
 
 import math
@@ -48,7 +47,7 @@ SMALL = replace(
 STEPS = 120
 PROBES = 1024
 LEARNT = 0.5
-"""The share of the loss of the background only below which a field has learnt something."""
+"""The share of the loss of a picture of only background below which a field has learnt something."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +60,6 @@ class FreshField:
     owner: Owner
     settings: TrainSettings = PAPER
     background: float = WHITE
-    """The display colour behind the ball."""
 
 
 FRESH_FIELDS: dict[str, FreshField] = {
@@ -83,9 +81,7 @@ PANELS = {
     "clamped": ("density of exactly 0", "share of points"),
     "white": ("colour of exactly 1", "share of points"),
 }
-"""Record of a training → its title and unit. Points are random, in the middle of the box; no gradient passes where a
-density is exactly 0 or a colour exactly 1.
-"""
+"""Record of a training → its title and unit. No gradient passes where a density is exactly 0 or a colour exactly 1."""
 
 
 def cameras(pixels: int) -> Cameras:
@@ -94,7 +90,6 @@ def cameras(pixels: int) -> Cameras:
 
 
 def ball(rays: Rays, background: float = WHITE) -> Float[Tensor, "rays 3"]:
-    """Return the colours of rays towards the ball and its background."""
     along = (rays.origins * rays.directions).sum(-1, keepdim=True)
     hit = along.square() - rays.origins.square().sum(-1, keepdim=True) + RADIUS**2 > 0.0
     return torch.where(hit, torch.tensor(BALL), torch.full((3,), background))

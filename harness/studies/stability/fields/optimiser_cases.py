@@ -72,7 +72,6 @@ def _moved(dtype: torch.dtype, gradient: float, epsilon: float = 1e-8) -> float 
 
 
 def accepted_by_parts(dtype: torch.dtype) -> list[str]:
-    """Return the parts of a field that accept a dtype."""
     values = torch.full((2, 3), 0.5, dtype=dtype)
     edges = torch.linspace(0.0, 1.0, 4, dtype=dtype).expand(2, 4)
     unit = torch.ones((), dtype=dtype)
@@ -110,7 +109,6 @@ CLIPPING: dict[str, dict[str, float]] = {
     "clipped to a norm of 1 only": {"clip_norm": 1.0, "clip_ratio": math.inf},
     "not clipped": {"clip_norm": math.inf, "clip_ratio": math.inf},
 }
-"""The changes to the settings of every run."""
 SMOOTHED = 20
 RECOVERY = 200
 """The steps after which a spike must no longer have an effect."""
@@ -147,10 +145,7 @@ def spike(context: StabilityContext) -> Iterator[Found]:
 
 
 def losses_of_voxels(context: StabilityContext, at: int, factor: float) -> list[float]:
-    """Return the losses of `voxels_drjit` with a gradient `factor` times as large at step `at`.
-
-    Raises `NotAvailable` if Dr.Jit does not work.
-    """
+    """Return the losses of `voxels_drjit`, its gradient at step `at` times `factor`. Raises `NotAvailable`."""
     here = setup(context)
     box, directions = box_of(here.views, CPU), needs_view_direction(here.views)
     drjit_backend(CPU)  # finds the LLVM library before drjit is imported

@@ -1,4 +1,4 @@
-"""G1, G2: Gaussians far away, edge-on, beside the camera, in any order, nearly opaque; grids at the border."""
+"""G1, G2: Gaussians far away, edge-on, next to the camera, in any order, nearly opaque; grids at the border."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -98,13 +98,11 @@ def _relative_error(features: Tensor, exact: Tensor) -> float:
 
 
 def _ball(scale: float, opacity: float) -> Tensor:
-    """Return one grey ball in the middle [1, 14]."""
     logit = math.log(opacity / (1.0 - opacity))
     return torch.tensor([[0.0, 0.0, 0.0, *[math.log(scale)] * 3, 1.0, 0.0, 0.0, 0.0, logit, 0.0, 0.0, 0.0]])
 
 
 def _many(count: int) -> Tensor:
-    """Return Gaussians of every shape and colour [count, 14]."""
     values = 0.3 * torch.randn(count, 14, generator=generator_for("stability", "Gaussians"))
     values[:, 3:6] -= 1.5
     values[:, 6] += 1.0

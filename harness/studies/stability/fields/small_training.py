@@ -45,7 +45,6 @@ class Setup:
 class History:
     trainer: Trainer
     losses: list[float] = field(default_factory=list)
-    """The loss of each step's batch."""
     dead: list[tuple[int, float]] = field(default_factory=list)
     """Pairs (step, share of points whose density no gradient reaches)."""
 

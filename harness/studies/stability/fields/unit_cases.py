@@ -34,7 +34,6 @@ from harness.training.trainer import Trainer
 from scenes.view_sets.view_set import Split, ViewSet
 
 BAR = 2e-6
-"""The largest difference of a colour."""
 EVERYTHING = 1 << 20
 """More rays than a view has, so that it is one chunk."""
 OTHER_POINTS = "other points"
@@ -131,7 +130,6 @@ def reloaded(context: StabilityContext, trainer: Trainer) -> Trainer:
 
 
 SIZES = ((1, 1), (9, 1), (1, 9), (5, 3), (12, 11))
-"""Pairs (width, height)."""
 
 
 def odd_sizes(context: StabilityContext) -> Iterator[Found]:

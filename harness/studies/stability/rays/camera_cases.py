@@ -41,7 +41,6 @@ WAYS_TO_LOOK = {
     "up of no length": ([4.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]),
     "NaN origin": ([math.nan, 0.0, 4.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]),
 }
-"""The defect → origin, target, up."""
 
 
 def _damaged() -> dict[str, np.ndarray]:
@@ -96,7 +95,6 @@ def _refused(scratch: Path) -> Check:
 
 
 def _foreign(scratch: Path, poses: np.ndarray, fov: float = FOV_X_RADIANS) -> Path:
-    """Write a foreign view set: grey images seen from `poses` [n, 4, 4]."""
     folder = scratch / "foreign_cameras"
     folder.mkdir(parents=True, exist_ok=True)
     names = [f"./r_{number}" for number in range(len(poses))]
@@ -203,7 +201,6 @@ def _directions() -> Iterator[Check]:
 
 
 def _middle_ray(scale: float) -> tuple[Tensor, Tensor]:
-    """Return origin and direction [1, 3] of a ray near the middle of a view, with a scaled camera matrix."""
     pose = all_poses("test")[:1].copy()
     pose[:, :3, :3] *= scale
     rays = Cameras.of(pose, SIZE, SIZE, FOCAL, 2.0, 6.0).all_rays(0)

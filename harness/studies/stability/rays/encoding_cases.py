@@ -160,15 +160,13 @@ class Gap(NamedTuple):
     share: float
     """The share ⟨prediction, burst⟩ / ⟨burst, burst⟩."""
     offset: Tensor
-    """The offset from the middle of the gap."""
     predicted: Tensor
-    """The mean over networks."""
     burst: Tensor
     """The prediction of a perfect ghost."""
 
 
 def ghost(base: float, bands: int, distance: float, quick: bool) -> Gap:
-    """Return the prediction in an unseen gap of ±3 widths at `distance` from the only burst."""
+    """Return the prediction in an unseen gap of ±3 widths at `distance` from the single burst."""
     centre = -0.5 * distance
     seen = 2.0 * torch.rand(1024, generator=generator_for("stability", "ghost")) - 1.0
     seen = seen[(seen - (centre + distance)).abs() > 3.0 * BURST]

@@ -197,10 +197,7 @@ def _weights() -> dict[str, tuple[Tensor, int, int]]:
 
 
 def _tried(draw: Callable[[Tensor, Tensor, Tensor], Tensor], anywhere: bool) -> tuple[float, list[str]]:
-    """Return the largest distance by which `draw` leaves its bins or steps back, and the cases in which it does.
-
-    With `anywhere`, all bins of the ray are allowed.
-    """
+    """Return by how much `draw` leaves its bins (or, if `anywhere`, the ray) or steps back, and in which cases."""
     t_edges = posts(bins=SAMPLED_BINS)
     worst, wrong = 0.0, []
     for what, (w, first, last) in _weights().items():

@@ -31,7 +31,6 @@ SMOOTH = (ramp(1.0), exponential(3.0), gaussian(3.0, 0.6, 0.3))
 of left points nearly cancels, and the second hides the order up to thousands of bins.
 """
 SHOWN = (homogeneous(1.0), homogeneous(1000.0), ramp(100.0), exponential(100.0), gaussian(100.0))
-"""The profiles whose errors are drawn: they rank the rules differently."""
 FITTED = (32, 64, 128, 256, 512)
 DRAWN = tuple(2**k for k in range(3, 13))
 FLOOR = 1e-13

@@ -90,9 +90,8 @@ def homogeneous(context: StabilityContext) -> Iterator[Found]:
 
 @cache
 def _ray(rule: str, tau: float, bins: int, dtype: torch.dtype) -> tuple[Tensor, Tensor, float, float]:
-    """Return densities, lengths, and the exact opacity and transmittance of these rounded numbers.
-
-    With one density everywhere the sum of every rule telescopes: its optical depth is σ times the summed lengths.
+    """Return densities, lengths, and the exact opacity and transmittance of these rounded numbers. With one density
+    everywhere the sum of every rule telescopes: its optical depth is σ times the summed lengths.
     """
     t_edges = torch.linspace(0.0, 1.0, bins + 1, dtype=torch.float64).to(dtype).unsqueeze(0)
     t, _ = QUADRATURES[rule].place(t_edges, None)
@@ -150,7 +149,6 @@ SHAPES: dict[str, Callable[[Tensor], Tensor]] = {
     RAMP: lambda t: 0.5 + t,
     HOLE: lambda t: (torch.arange(t.shape[1]) != t.shape[1] // 2).to(t.dtype).expand_as(t),
 }
-"""The density along a ray, of mean 1."""
 
 
 def gradients(context: StabilityContext) -> Iterator[Found]:

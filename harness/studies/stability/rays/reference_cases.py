@@ -202,7 +202,6 @@ def closed_form(sigma: np.ndarray, grey: np.ndarray) -> tuple[float, float]:
 def _light_of_a_piece(
     width: mpmath.mpf, sigmas: list[mpmath.mpf], greys: list[mpmath.mpf], passed: mpmath.mpf
 ) -> mpmath.mpf:
-    """Return the light of a piece with linear density and colour behind the optical depth `passed`."""
     (s0, s1), (c0, c1) = sigmas, greys
 
     def glow(u: mpmath.mpf) -> mpmath.mpf:

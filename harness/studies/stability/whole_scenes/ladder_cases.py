@@ -44,7 +44,6 @@ LEAST_RUNGS = {"frequency": 1, "thinness": 2, "density": 5, "dynamic_range": 1, 
 
 class RungScore(NamedTuple):
     share: float | None
-    """The explained share of the variance; None without scores."""
     broken: str
     """The reason why the method counts as broken; empty if it does not."""
 
@@ -113,7 +112,7 @@ def outcome_of(ladder: Ladder, run: SceneRun, method: str, climbed: list[RungSco
 
 
 SCENES = ("materials", "tiny")
-"""One scene with mirrors, on which the controls are tried, and a Lambertian one, which needs no view direction."""
+"""A scene with mirrors, on which the controls are tried, and a Lambertian scene, which needs no view direction."""
 FOG = "fog_dense"
 STEPS, SEEDS = 300, (0, 1, 2)
 FOG_VIEWS, FOG_PIXELS, FOG_SPP = 3, 24, 16

@@ -172,7 +172,6 @@ FIGURES: dict[str, tuple[Figure, ...]] = {
     ),
     "furnace": (Figure(f"{MSE} of a field that is the same everywhere", mean_square_error, high=1e-3),),
 }
-"""Scene → the figures by which its methods are judged."""
 
 
 def examined(
@@ -329,9 +328,8 @@ def covered_share(width: float, size: int, strata: int) -> float:
 
 
 def z_of_thin_wires(width: float, size: int) -> tuple[float, float]:
-    """Return z of the rendered share of a test view against the covered one, and the expected number of hits.
-
-    A ray hits or misses, so that the standard error of n rays is √(p (1 − p) / n).
+    """Return z of the rendered share of a test view against the covered one, and the expected number of hits. A ray
+    hits or misses, so that the standard error of n rays is √(p (1 − p) / n).
     """
     from scenes.rendering.render import LoadedScene
     from scenes.rendering.variant import Variant
@@ -440,7 +438,7 @@ def scaled(context: StabilityContext) -> Iterator[Found]:
 
 
 def refused(change: Similarity) -> bool:
-    """Tell whether the unit scene is refused in another unit of length."""
+    """Return whether the unit scene is refused in another unit of length."""
     box = box_of(scales.described(change))
     assert box is not None
     return error_of(InputError, check_scale, box) is not None

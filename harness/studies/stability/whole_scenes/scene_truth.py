@@ -127,7 +127,6 @@ class SceneRun:
     view_sets: Path
     run: RunRecord
     cells: dict[tuple[str, str], list[CellRecord]]
-    """(scene, method) → its cells, one per seed."""
 
     def of(self, scene: str) -> Iterator[CellRecord]:
         return (cell for method in self.run.methods for cell in self.cells.get((scene, method), []))
@@ -142,8 +141,7 @@ class SceneRun:
 def trained(context: StabilityContext, profile: str, scenes: Iterable[str], folder: Path) -> SceneRun:
     """Return `folder` with every cell of these scenes, after training those that it lacks.
 
-    Scenes that an earlier case trained there stay in the record, with their finished cells. If nothing is missing,
-    nothing is run.
+    Scenes that an earlier case trained there stay in the record, with their finished cells.
     """
     before = None
     with suppress(DamagedRecord):
@@ -180,7 +178,7 @@ LARGEST_TRACE = 0.05
 
 
 def learnt_nothing(run: SceneRun, cell: CellRecord) -> bool:
-    """Tell whether a complete cell shows nothing of a scene that is not empty: empty collapse.
+    """Return whether a complete cell shows nothing of a scene that is not empty: empty collapse.
 
     Whether a training collapses within a few hundred steps depends on its random numbers and not on how well a formula
     is computed: it is recorded and not judged. A picture without opacity that is dark adds up its colours wrongly, and
@@ -202,7 +200,6 @@ SCENES: dict[str, tuple[str, ...]] = {
     "S6": ("hdr_emitter", "checker", "grazing", "furnace"),
     "S7": ("tiny", "huge"),
 }
-"""Case → the scenes that it examines."""
 
 
 def stress(context: StabilityContext, case: str) -> SceneRun:
