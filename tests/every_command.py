@@ -63,7 +63,7 @@ python -m harness frontier --pick lego --seconds 1 --out {here}/f
 nox -s speed -- --items 2 --quick --out {here}/speed {other_sets}
 nox -s conformance -- qnerf
 nox -s endurance -- --kills 3 --typed-kills 0 --seed 1 --no-damage --brief --scratch {here}/endurance
-nox -s fuzz -- -n 0 -k request
+nox -s fuzz -- -n 0 --collect-only -q
 nox -s tests_thorough -- --collect-only -q tests/endurance tests/harness/execution/cluster
 nox -s tests_oldest -- --collect-only -q tests/harness/plan
 python -m harness gate --only fairness.first_weights fairness.batches --out {here}/gate

@@ -63,7 +63,7 @@ def test_a_missing_own_module_is_reported_as_a_bug() -> None:
         import harness.nowhere  # noqa: F401
 
 
-@pytest.mark.parametrize("command", ["harness gate --list", "harness doctor", "reports --help"])
+@pytest.mark.parametrize("command", ["harness gate --list", "reports --help"])
 def test_a_closed_pipe_behind_standard_output_is_not_an_error(command: str) -> None:
     reads, writes = os.pipe()
     os.close(reads)
@@ -105,11 +105,8 @@ def test_another_broken_pipe_is_reported_as_a_bug() -> None:
         raise BrokenPipeError
 
 
-@pytest.mark.parametrize("package", ["harness", "reports"])
-@pytest.mark.parametrize("foreign", ["scenes", "baselines"])
-def test_a_package_in_the_current_folder_that_hides_one_of_ours_is_named(
-    package: str, foreign: str, tmp_path: Path
-) -> None:
+@pytest.mark.parametrize(("package", "foreign"), [("harness", "scenes"), ("reports", "baselines")])
+def test_a_package_in_this_folder_that_hides_one_of_ours_is_named(package: str, foreign: str, tmp_path: Path) -> None:
     (tmp_path / foreign).mkdir()
     (tmp_path / foreign / "__init__.py").touch()
     words = [sys.executable, "-m", package, "--help"]

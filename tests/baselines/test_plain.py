@@ -8,7 +8,7 @@ import torch
 from torch import Tensor, nn
 
 from baselines.contract import Accelerations, Box, NetworkSize, Rays
-from baselines.plain import PlainField, plain_loss, plain_render, positional_encoding
+from baselines.plain import PlainField, plain_loss, plain_render
 from harness.plan.schedule import Budget
 from harness.plan.seeds import generator_for
 from harness.plan.settings import GridSettings, TrainSettings
@@ -178,23 +178,3 @@ def test_weights_start_as_those_of_the_field() -> None:
     ours, theirs = PlainField(SIZE, BOX, f"{SEED}/coarse").state_dict(), learner.field.state_dict()
     assert list(ours) == list(theirs)
     assert all(torch.equal(ours[name], theirs[name]) for name in ours)
-
-
-def test_encoding_by_hand() -> None:
-    x = torch.tensor([[0.25, -0.5, 0.0]], dtype=torch.float64)
-    root = 0.5**0.5
-    expected = torch.tensor([[0.25, -0.5, 0, root, -1, 0, root, 0, 1, 1, 0, 0, 0, -1, 1]], dtype=torch.float64)
-    torch.testing.assert_close(positional_encoding(x, 2), expected, rtol=0, atol=1e-15)
-
-
-def test_quadrature_by_hand() -> None:
-    """A field of constant density and colour: w sums to 1 − exp(−σ · length)."""
-
-    class Fog(PlainField):
-        def forward(self, x: Tensor, d: Tensor) -> tuple[Tensor, Tensor]:
-            return torch.full(x.shape[:2], 0.7), torch.full(x.shape, 0.25)
-
-    rays, _ = rays_inside()
-    colour = plain_render(Fog(SIZE, BOX, 0), rays, SAMPLES, torch.ones(3), generator_for(1))
-    expected = 1.0 - 0.75 * (1.0 - torch.exp(torch.tensor(-0.7 * 1.5)))
-    torch.testing.assert_close(colour, expected.expand(RAYS, 3), rtol=0, atol=2e-6)

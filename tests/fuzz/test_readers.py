@@ -184,8 +184,6 @@ FAULTS: dict[str, tuple[str, str, Callable[[bytes], bytes]]] = {
     "a type that is a list": ("scene_file", "mine.py", scene("'t'", "{'type': 'sphere', 'bsdf': {'type': []}}")),
     "no title": ("scene_file", "mine.py", scene("None", "{'type': 'sphere'}")),
     "defaults that grow": ("scene_file", "mine.xml", inside(f'{GROWING}<include filename="$v00"/>')),
-    "a depth in superscript": ("scene_file", "mine.xml",
-                               inside('<integrator type="path"><integer name="max_depth" value="²"/></integrator>')),
     "an endless name": ("scene_file", "mine.xml", inside(f'<include filename="{"x" * 300}"/>')),
     "a part called type": ("scene_file", "mine.xml", inside('<shape type="cube"><bsdf name="type" type="x"/></shape>')),
     "a part of itself": ("scene_file", "mine.xml",

@@ -31,6 +31,12 @@ def cell(scene: str, method: str, seed: int, curve: list[Checkpoint], **changes:
     return CellRecord(scene=scene, method=method, seed=seed, curve=curve, **facts)
 
 
+def without_time(cell: CellRecord) -> CellRecord:
+    """Return the part of a record that must be bit-identical, which clocks and places are not."""
+    curve = [replace(point, seconds=0.0, core_seconds=0.0) for point in cell.curve]
+    return replace(cell, train_seconds=0.0, train_core_seconds=0.0, costs={}, curve=curve, provenance={})
+
+
 def with_core_seconds(cell: CellRecord, factor: float) -> CellRecord:
     """Return the cell with core seconds of `factor` times its wall seconds."""
     curve = [replace(point, core_seconds=factor * point.seconds) for point in cell.curve]

@@ -21,19 +21,9 @@ OWN = {
 } | {"nerf_matched": replace(CATALOG["nerf_matched"].settings, density_scale=25.0, start=0.3)}
 """Settings with fixed unit and start of density, which no search changes."""
 TRAIN = TrainSettings(
-    network=NetworkSize(
-        depth=6, width=16, colour_layers=2, colour_width=16, position_bands=4, direction_bands=2
-    ),
-    rays=64,
-    bins=16,
-    first_bins=12,
-    fine_bins=0,
-    learning_rate=1e-2,
-    last_learning_rate=1e-3,
-    warm_up_steps=5,
-    average=4.0,
-    grid=GridSettings(cells=8, first_step=10, every=5),
-    own=OWN,
+    network=NetworkSize(depth=6, width=16, colour_layers=2, colour_width=16, position_bands=4, direction_bands=2),
+    rays=64, bins=16, first_bins=12, fine_bins=0, learning_rate=1e-2, last_learning_rate=1e-3, warm_up_steps=5,
+    average=4.0, grid=GridSettings(cells=8, first_step=10, every=5), own=OWN,
 )  # fmt: skip
 SCORE = ScoreSettings(checkpoints=3, earliest=0.25, chunk=512, train_views=2, stored_views=1)
 VIEWS = ViewSettings(resolution=24, train=10, val=0, test=3)

@@ -7,7 +7,6 @@ import pytest
 import torch
 
 from baselines.methods.explicit import VoxelSettings
-from harness.plan.schedule import Budget
 from harness.training.learner import Job
 from harness.training.make_learner import NotAvailable, drjit_backend, learner_for
 from tests.harness.tiny import BUDGET, CPU, TRAIN, box
@@ -23,7 +22,7 @@ def drjit_or_skip() -> None:
         pytest.skip(str(missing))
 
 
-def voxels(seed: int = 0, budget: Budget = BUDGET) -> Any:
+def voxels() -> Any:
     """Return the method in training; skips the test if it is not available."""
     drjit_or_skip()
-    return learner_for(Job("voxels_drjit", box(), SETTINGS, budget, seed, CPU))
+    return learner_for(Job("voxels_drjit", box(), SETTINGS, BUDGET, 0, CPU))

@@ -52,7 +52,7 @@ def fake_studies(shelf: str, failing: bool = False, charts: bool = True, **chang
         "evidence": lambda: _evidence(failing),
         "stability": lambda: _stability(failing),
         "speed": _speed,
-        "serving": lambda: list(serving_studies().values()),
+        "serving": serving_studies,
         "frontier": _frontier,
     }
     provenance = PROVENANCE | MACHINE if shelf == "speed" else PROVENANCE
@@ -263,8 +263,8 @@ def phi(changed: int) -> Check:
     return Check("maps that φ changes", float(changed), why=why, owner="paper", repeats=18, id="phi.changed")
 
 
-def serving_studies(**changes: list[Finding] | None) -> dict[str, StudyRecord]:
-    """Map study → record; `changes` replace the findings of a study, or leave it out if None."""
+def serving_studies(**changes: list[Finding] | None) -> list[StudyRecord]:
+    """Return the studies; `changes` replace the findings of a study, or leave it out if None."""
     ratios = {"memory.0": 3000.0, "memory.1": 1050.0, "disk.warm": 70.0, "disk.cold": 30.0}
     axes, at = ("seconds since the view was asked for", "RMSE, display"), [0.0, 0.2, 0.4]
     findings: dict[str, list[Finding] | None] = {
@@ -292,17 +292,17 @@ def serving_studies(**changes: list[Finding] | None) -> dict[str, StudyRecord]:
         "priorities": [Answer("The priorities sum to 1.618, not to 1."), phi(0)],
         **changes,
     }  # fmt: skip
-    return {
-        name: study(name, name.capitalize(), *some, question=f"Does {name} hold?", method="Timed in turn.")
+    return [
+        study(name, name.capitalize(), *some, question=f"Does {name} hold?", method="Timed in turn.")
         for name, some in findings.items()
         if some is not None
-    }
+    ]
 
 
 def fake_serving(settings: dict[str, Any] | None = None, **changes: list[Finding] | None) -> Studies:
     """Return the record with changed findings and additional settings."""
-    studies = list(serving_studies(**changes).values())
-    return fake_studies("serving", settings={**SETTINGS["serving"], **(settings or {})}, studies=studies)
+    settings = {**SETTINGS["serving"], **(settings or {})}
+    return fake_studies("serving", settings=settings, studies=serving_studies(**changes))
 
 
 def _frontier() -> list[StudyRecord]:

@@ -85,12 +85,12 @@ def pair():
     return eight_bit(truth), eight_bit(test)
 
 
-@pytest.mark.parametrize("channels", [1, 3])
-def test_decoded_pixels_are_the_packed_ones_bit_for_bit(asked, channels):
-    raw = np.random.default_rng(channels).integers(0, 256, (13, 7, channels))
-    packed = display(raw / 255)
-    found = asked("pixels.raw(given, 7, 13).then((raw) => tell([...raw]));", packed.ref, {packed.id: packed.text})
-    assert found == raw.transpose(2, 0, 1).ravel().tolist()
+def test_decoded_pixels_are_the_packed_ones_bit_for_bit(asked):
+    raws = [np.random.default_rng(channels).integers(0, 256, (13, 7, channels)) for channels in (1, 3)]
+    packed = [display(raw / 255) for raw in raws]
+    body = "Promise.all(given.map((ref) => pixels.raw(ref, 7, 13))).then((all) => tell(all.map((raw) => [...raw])));"
+    found = asked(body, [picture.ref for picture in packed], {picture.id: picture.text for picture in packed})
+    assert found == [raw.transpose(2, 0, 1).ravel().tolist() for raw in raws]
 
 
 def test_a_reference_says_what_raw_numbers_mean(made_of):
@@ -101,11 +101,11 @@ def test_a_reference_says_what_raw_numbers_mean(made_of):
     assert np.reshape(bright, (3, 3, 4)).transpose(1, 2, 0) == pytest.approx(lights, rel=1e-3, abs=1e-6)
 
 
-@pytest.mark.parametrize("damage", ["AAAA", "!!!", "eJwDAAAAAAE="])
-def test_damaged_bytes_are_a_sentence(asked, damage):
-    ref = {"channels": 3, "bits": 8, "low": 0, "high": 1, "id": "px0"}
-    body = "pixels.raw(given, 7, 13).catch((error) => tell(error.message));"
-    assert asked(body, ref, {"px0": damage}).startswith("This picture cannot be shown: ")
+def test_damaged_bytes_are_a_sentence(asked):
+    texts = {"px0": "AAAA", "px1": "!!!", "px2": "eJwDAAAAAAE="}
+    refs = [{"channels": 3, "bits": 8, "low": 0, "high": 1, "id": name} for name in texts]
+    body = "Promise.all(given.map((ref) => pixels.raw(ref, 7, 13).catch((error) => error.message))).then(tell);"
+    assert all(said.startswith("This picture cannot be shown: ") for said in asked(body, refs, texts))
 
 
 def test_ciede2000_of_sharma_wu_and_dalal(asked):

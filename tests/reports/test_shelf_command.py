@@ -10,19 +10,16 @@ from msgspec.structs import replace
 
 from harness.records.study import SHELVES, Check, Picture, Studies, read_studies
 from reports.__main__ import main
+from reports.run.saving.publish import summary
 from reports.studies import publishing
 from tests.reports.fake_history import fake_history
 from tests.reports.fake_run import write_fake_run
 from tests.reports.fake_studies import fake_serving, fake_studies, write_fake_studies
 from tests.reports.run.test_page import Outline
 
-GOOD = {
-    shelf: fake_history() if shelf == "history" else fake_studies(shelf, charts=shelf not in ("evidence", "stability"))
-    for shelf in SHELVES
-}
+GOOD = {shelf: fake_studies(shelf, charts=shelf == "speed") for shelf in ("evidence", "stability", "speed")}
 BROKEN = {shelf: fake_studies(shelf, failing=True, charts=False) for shelf in ("evidence", "stability")}
-LATE = Check("the rest", None, why="the time was over", owner="machine", status="not_available", id="late")
-each_shelf = pytest.mark.parametrize("shelf", SHELVES)
+FAILED = Check("this study", None, why="no weights", owner="machine", status="fail", id="failed")
 
 
 def names(folder: Path) -> list[str]:
@@ -33,39 +30,42 @@ def written(folder: Path, record: Studies) -> Path:
     return write_fake_studies(folder, record, pictures=False)
 
 
-@each_shelf
-def test_a_record_without_a_run_gives_only_its_page(tmp_path, capsys, shelf):
-    out = written(tmp_path / "out", GOOD[shelf])
-    assert main([str(out)]) == 0
+@pytest.mark.parametrize("shelf", SHELVES)
+def test_a_record_without_a_run_has_only_its_page_and_is_published_without_pictures_but_charts(tmp_path, capsys, shelf):
+    record = fake_history() if shelf == "history" else fake_studies(shelf)
+    out, docs = written(tmp_path / "out", record), tmp_path / "docs"
+    assert main([str(out), "--publish", str(docs)]) == 0
     assert capsys.readouterr().out.splitlines()[-1] == str(out / f"{shelf}.html")
     assert names(out) == [f"{shelf}.html", SHELVES[shelf]]
     assert "report.html" not in (out / f"{shelf}.html").read_text(encoding="utf-8")
-    assert main([str(out), "--quiet"]) == 0
-    assert capsys.readouterr().out == f"{out / f'{shelf}.html'}\n"
+    pictures = [name for name, *_ in publishing.PICTURES[shelf]]
+    assert names(docs) == sorted([SHELVES[shelf], *pictures])
+    assert read_studies(docs / SHELVES[shelf]) == publishing.without(read_studies(out / SHELVES[shelf]), Picture)
+    for name in pictures:
+        assert (docs / name).read_bytes().startswith(b"\x89PNG")
+        assert 5_000 < (docs / name).stat().st_size < 500_000
+    publishing.write_published(replace(record, studies=[]), tmp_path / "nothing")
+    assert names(tmp_path / "nothing") == [SHELVES[shelf]], "an empty record has no pictures"
 
 
-@pytest.mark.parametrize(
-    ("shelf", "line"),
-    [
-        ("evidence", "calibration share of real A/A comparisons that are called better or worse: 0.0810, "),
-        ("stability", "A2 harness: after a reload: 3.00·10⁻⁴, wanted ≤ 2·10⁻⁶"),
-    ],
-)
-def test_a_failed_check_of_our_own_code_gives_3_and_is_named(tmp_path, capsys, shelf, line):
-    out = written(tmp_path / "out", BROKEN[shelf])
-    assert main([str(out)]) == 3
-    assert capsys.readouterr().out.splitlines()[1].startswith(line)
+def test_a_failed_check_of_our_own_code_gives_3_and_is_named_and_quiet_prints_the_path_alone(tmp_path, capsys):
+    named = {
+        "evidence": "calibration share of real A/A comparisons that are called better or worse: 0.0810, ",
+        "stability": "A2 harness: after a reload: 3.00·10⁻⁴, wanted ≤ 2·10⁻⁶",
+    }
+    for shelf, line in named.items():
+        out = written(tmp_path / shelf, BROKEN[shelf])
+        assert main([str(out)]) == 3
+        assert capsys.readouterr().out.splitlines()[1].startswith(line)
     assert main([str(out), "--quiet"]) == 3
     assert capsys.readouterr().out == f"{out / f'{shelf}.html'}\n"
 
 
 @pytest.mark.parametrize(
-    ("records", "diverged", "code"),
-    [([GOOD["stability"], GOOD["evidence"], GOOD["speed"]], False, 0), ([GOOD["speed"]], True, 3),
-     ([BROKEN["evidence"]], False, 3)],
-)  # fmt: skip
-def test_with_a_run_both_pages_are_written_and_linked(tmp_path, records, diverged, code):
-    out = write_fake_run(tmp_path / "run", ("chair",), seeds=1, pictures=False, with_diverged=diverged)
+    ("records", "code"), [([GOOD["stability"], GOOD["evidence"], GOOD["speed"]], 0), ([BROKEN["evidence"]], 3)]
+)
+def test_with_a_run_both_pages_are_written_and_linked(tmp_path, records, code):
+    out = write_fake_run(tmp_path / "run", ("chair",), seeds=1, pictures=False, with_diverged=False)
     for record in records:
         written(out, record)
     assert main([str(out), "--quiet"]) == code
@@ -108,10 +108,12 @@ def test_a_damaged_record_gives_2_and_writes_nothing(out, capsys, shelf, content
         ("evidence", "studies.0.findings.3.value", "high", "at `$.studies[0].findings[3].value`"),
         ("evidence", "studies.1.findings.1.verdict", "great", "`str` - at `$.studies[1].findings[1].verdict`"),
         ("stability", "studies.3.findings.3.status", "lost", "Invalid enum value 'lost'"),
+        ("speed", "studies.2.findings.2.y", [], "series 'plain' has 4 x but 0 y"),
+        ("speed", "studies.2.findings.2.low", [1.0], "series 'plain' has 4 x but 1 low"),
     ],
 )
 def test_an_invalid_value_is_named_with_the_remedy(tmp_path, capsys, shelf, place, value, said):
-    path = written(tmp_path, (BROKEN | GOOD)[shelf]) / SHELVES[shelf]
+    path = written(tmp_path, GOOD[shelf]) / SHELVES[shelf]
     data = json.loads(path.read_text(encoding="utf-8"))
     data.pop("digest")
     *way, last = (int(part) if part.lstrip("-").isdigit() else part for part in place.split("."))
@@ -126,21 +128,6 @@ def test_an_invalid_value_is_named_with_the_remedy(tmp_path, capsys, shelf, plac
     assert len(told.splitlines()) == 1
 
 
-@each_shelf
-def test_publishing_writes_the_record_without_pictures_and_the_charts(tmp_path, shelf):
-    record = fake_history() if shelf == "history" else fake_studies(shelf)
-    out, docs = written(tmp_path / "out", record), tmp_path / "docs"
-    assert main([str(out), "--publish", str(docs)]) == 0
-    pictures = [name for name, *_ in publishing.PICTURES[shelf]]
-    assert names(docs) == sorted([SHELVES[shelf], *pictures])
-    assert read_studies(docs / SHELVES[shelf]) == publishing.without(read_studies(out / SHELVES[shelf]), Picture)
-    for name in pictures:
-        assert (docs / name).read_bytes().startswith(b"\x89PNG")
-        assert 5_000 < (docs / name).stat().st_size < 500_000
-    publishing.write_published(replace(record, studies=[]), tmp_path / "nothing")
-    assert names(tmp_path / "nothing") == [SHELVES[shelf]], "an empty record has no pictures"
-
-
 def test_a_long_record_is_published_without_its_lines(tmp_path, monkeypatch):
     monkeypatch.setattr(publishing, "LARGEST", 1_000)
     publishing.write_published(fake_studies("evidence"), tmp_path)
@@ -152,7 +139,7 @@ def test_a_long_record_is_published_without_its_lines(tmp_path, monkeypatch):
     [
         (replace(GOOD["speed"], settings={"quick": True}), "a quick run, too rough to publish"),
         (replace(GOOD["evidence"], finished=False), "not finished"),
-        (fake_serving(priorities=[LATE]), "not finished"),
+        (fake_serving(priorities=[FAILED]), "not finished"),
     ],
 )
 def test_a_quick_or_unfinished_record_is_shown_and_not_published(tmp_path, capsys, record, said):
@@ -165,22 +152,17 @@ def test_a_quick_or_unfinished_record_is_shown_and_not_published(tmp_path, capsy
     assert main([str(out)]) == 0
 
 
-def test_serving_is_in_report_and_summary_or_listed_as_not_tested(tmp_path, capsys):
+def test_serving_is_in_report_and_summary_or_listed_as_not_tested(tmp_path, whole, whole_page):
+    without = summary(whole)
+    assert without["serving"] is None
+    assert any("python -m harness study serving OUT" in words for words in without["not_tested"])
+    assert 'id="serving"' not in whole_page
     out = write_fake_run(tmp_path / "run", ("chair",), seeds=1, pictures=False, with_diverged=False)
-
-    def made() -> tuple[str, dict]:
-        assert main([str(out)]) == 0
-        summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
-        return (out / "report.html").read_text(encoding="utf-8"), summary
-
-    report, summary = made()
-    assert summary["serving"] is None
-    assert any("python -m harness study serving OUT" in words for words in summary["not_tested"])
-    assert 'id="serving"' not in report
-    write_fake_studies(out, "serving")
-    report, summary = made()
+    assert main([str(write_fake_studies(out, "serving"))]) == 0
+    report = (out / "report.html").read_text(encoding="utf-8")
     for words in ('<section id="serving"', "Rendering takes 3000 times as long", "more &lt;b&gt;steps"):
         assert words in report
-    hit = next(check for check in summary["serving"] if check["id"] == "hit.memory.0.nerf")
+    told = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    hit = next(check for check in told["serving"] if check["id"] == "hit.memory.0.nerf")
     assert (hit["study"], hit["value"]) == ("latency", 3000.0)
-    assert not any("serving" in words for words in summary["not_tested"])
+    assert not any("serving" in words for words in told["not_tested"])

@@ -4,6 +4,7 @@ import pytest
 
 from harness.records.cells import Comparison, LeftOut
 from harness.records.verdict import OPEN, Verdict
+from reports.claims.estimands import difference_in_words, failures_of, rates_grid, senses_grid
 from reports.claims.psnr_table import difference_entry, differences_grids, score_entry, scores_grid
 from reports.data.load import Records
 from reports.data.table import Spread, average_of, cells_frame, shared_scenes, spread_of
@@ -18,9 +19,10 @@ from reports.run.metrics_table import (
     warnings_grid,
 )
 from tests.replacing import replace
+from tests.reports.claims.test_claims import with_comparisons
 
 ABOVE = Verdict("above 0", "open")
-NO_SHELVES = Comparison("all", "qnerf", "nerf", "psnr", "steps", 0.5, (0.3, 0.7), ABOVE, 0.4, 6, 0, None, 1, None, None)
+ROW = Comparison("all", "qnerf", "nerf", "psnr", "steps", 0.5, (0.3, 0.7), ABOVE, 0.4, 6, 0, None, 1, None, None)
 
 
 def with_cells(records: Records, change) -> Records:
@@ -44,13 +46,8 @@ def test_spread_is_over_finished_seeds_and_averages_over_scenes_that_every_metho
 
 
 def test_differences_are_those_of_the_comparisons(records: Records):
-    changed = [
-        replace(row, difference=0.125, interval=(0.01, 0.3), simultaneous=(0.05, 0.2), verdict=ABOVE, unpaired=0)
-        if (row.scene, row.method, row.against, row.budget) == ("chair", "qnerf", "nerf", "steps")
-        else row
-        for row in records.comparisons
-    ]
-    (grid,) = differences_grids(replace(records, comparisons=changed))
+    row = {"difference": 0.125, "interval": (0.01, 0.3), "simultaneous": (0.05, 0.2), "verdict": ABOVE, "unpaired": 0}
+    (grid,) = differences_grids(with_comparisons(records, chair=row))
     assert labels(grid) == ["scene", *("− nerf", "− nerf_matched") * 2, "Δ"]
     assert grid.rows[0][1] == Entry("+0.12", "[+0.05, +0.20]\nabove 0, size open", "above gain")
     assert grid.rows[0][5] == Entry("+1.4", tone="muted")
@@ -61,38 +58,30 @@ def test_differences_are_those_of_the_comparisons(records: Records):
 @pytest.mark.parametrize(
     ("changes", "entry"),
     [
-        ({}, Entry("+0.50", "[+0.30, +0.70]\nabove 0, size open", "above gain")),
+        ({}, ("+0.50", "[+0.30, +0.70]\nabove 0, size open", "above gain")),
         # a family has its simultaneous interval; colours follow the sign and the metric's direction
-        (
-            {"scene": "lego", "simultaneous": (-0.3, 1.3), "family": 8, "verdict": OPEN},
-            Entry("+0.50", "[−0.30, +1.30]\nsign and size open", "open"),
-        ),
-        ({"metric": "flip"}, Entry("+0.5000", "[+0.3000, +0.7000]\nabove 0, size open", "above loss")),
-        (
-            {"difference": None, "interval": None, "verdict": OPEN, "pairs": 0, "unpaired": 3},
-            Entry("–", "sign and size open\n3 pairs not judged", "open"),
-        ),
+        ({"scene": "lego", "simultaneous": (-0.3, 1.3), "family": 8, "verdict": OPEN},
+         ("+0.50", "[−0.30, +1.30]\nsign and size open", "open")),
+        ({"metric": "flip"}, ("+0.5000", "[+0.3000, +0.7000]\nabove 0, size open", "above loss")),
+        ({"difference": None, "interval": None, "verdict": OPEN, "pairs": 0, "unpaired": 3},
+         ("–", "sign and size open\n3 pairs not judged", "open")),
     ],
-)
+)  # fmt: skip
 def test_a_difference_has_its_interval_verdict_and_colour(changes, entry):
-    shown = difference_entry(replace(NO_SHELVES, **changes))
-    assert (shown.text, shown.small, shown.tone) == (entry.text, entry.small, entry.tone)
+    shown = difference_entry(replace(ROW, **changes))
+    assert (shown.text, shown.small, shown.tone) == entry
 
 
 def test_diverged_cells_show_in_every_table_of_scores(records: Records):
     metrics = metrics_grid(records)
     assert [row[1] for row in metrics.rows if row[1].tone == "failed"] == [Entry("qnerf", "1 of 3 diverged", "failed")]
     reason = Entry("not finite at step 412: density_head.weight")
-    assert failures_grid(records).rows == [
-        [Entry("drums · qnerf · seed 2"), Entry("diverged", tone="failed"), reason],
-    ]
+    assert failures_grid(records).rows == [[Entry("drums · qnerf · seed 2"), Entry("diverged", tone="failed"), reason]]
 
 
 def test_a_score_that_no_cell_has_is_no_column(records: Records):
     without = with_cells(records, lambda cell: replace(cell, scores={**cell.scores, "depth_rmse": None}))
-    assert [name for name in labels(metrics_grid(records)) if name not in labels(metrics_grid(without))] == [
-        "depth RMSE ↓"
-    ]
+    assert set(labels(metrics_grid(records))) - set(labels(metrics_grid(without))) == {"depth RMSE ↓"}
 
 
 def test_properties_show_mean_and_range(whole: Records):
@@ -180,3 +169,24 @@ def test_cells_that_waited_for_a_processor_are_counted(records: Records):
     )
     (row,) = [row for row in warnings_grid(replace(records, cells=slow)).rows if "core seconds" in row[3].text]
     assert row[3].text == "core seconds too long: 2 threads waited actively"
+
+
+def test_both_senses_are_in_one_row(whole: Records):
+    grid = senses_grid(whole)
+    assert len(grid.rows) == 6, "three pairs of methods, two budgets"
+    texts = [entry.text for entry in grid.rows[0]]
+    assert texts == ["qnerf", "at equal steps", "+0.81 dB", "+0.76 to +0.86", "+0.69 to +0.93"]
+    assert grid.rows[0][3].small == "above 0, matters\nd = +3.2"
+    row = whole.comparison("chair", "qnerf", "nerf", budget="seconds")
+    assert f"+{row.difference:.2f} dB at equal training time" in difference_in_words(row, ["chair"], [0, 1, 2])
+
+
+def test_failures_have_rates_and_are_compared(records: Records, whole: Records):
+    assert rates_grid(whole).rows == []
+    rows = {row[0].text: [entry.text for entry in row[1:]] for row in rates_grid(records).rows}
+    assert rows["nerf"][:4] == ["6", "0", "0", "0\u202f%"]
+    assert rows["qnerf"][:4] == ["6", "1", "0", "17\u202f%"]
+    assert rows["qnerf"][4].splitlines()[0] == "nerf: not distinguished (1 : 0 of 6 pairs, p = 1.000)"
+    cells = [replace(cell, warnings=["empty collapse: 0.001"] * (cell.method == "qnerf")) for cell in whole.cells]
+    rate = failures_of(replace(whole, cells=cells)).rates[2]
+    assert (rate.method, rate.collapsed, rate.rate) == ("qnerf", 6, 1.0)

@@ -1,4 +1,4 @@
-"""Captures as other programs write them, and the original loader of the Blender format."""
+"""Captures as other programs write them, the original loader of the Blender format, and damage."""
 
 import json
 from collections.abc import Callable
@@ -12,12 +12,19 @@ from scenes.view_sets.images import read_image, write_png
 Edit = Callable[[dict[str, Any]], object]
 
 
-def edit(folder: Path, change: Edit) -> Path:
-    file = folder / "transforms.json"
+def edit(folder: Path, change: Edit, name: str = "transforms.json") -> Path:
+    file = folder / name
     data = json.loads(file.read_text())
     change(data)
     file.write_text(json.dumps(data))
     return folder
+
+
+def flip(file: Path, place: int | None = None) -> None:
+    """Change one bit of a file, in its middle unless the byte is given."""
+    data = bytearray(file.read_bytes())
+    data[len(data) // 2 if place is None else place] ^= 4
+    file.write_bytes(data)
 
 
 def capture(folder: Path, count: int, poses: np.ndarray, channels: int = 3, **more: Any) -> Path:

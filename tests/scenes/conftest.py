@@ -49,32 +49,23 @@ def tiny_scene() -> Scene:
     return Scene("tiny", "A ball on a floor", tiny_description, max_depth=4)
 
 
-@pytest.fixture
-def render_tiny(monkeypatch: pytest.MonkeyPatch, tiny_scene: Scene) -> Callable[..., Path]:
+@pytest.fixture(scope="session")
+def render_tiny(tiny_scene: Scene) -> Callable[..., Path]:
     """Return `ensure_view_set` for the tiny scene; keywords override the defaults."""
     from scenes.rendering import store
-
-    monkeypatch.setattr(store, "scene_named", lambda name: tiny_scene)
 
     def render(cache: Path, **changes: object) -> Path:
         options: dict[str, object] = {
             "resolution": 16, "counts": COUNTS, "spp": SPP, "cache_folder": cache, "variant": "scalar_rgb", **changes,
         }  # fmt: skip
-        return store.ensure_view_set("tiny", **options)  # type: ignore[arg-type]
+        return store.ensure_view_set(tiny_scene, **options)  # type: ignore[arg-type]
 
     return render
 
 
 @pytest.fixture(scope="session")
-def stored_once(tmp_path_factory: pytest.TempPathFactory, tiny_scene: Scene) -> Path:
-    from scenes.rendering import store
-
-    cache = tmp_path_factory.mktemp("view_sets")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(store, "scene_named", lambda name: tiny_scene)
-        return store.ensure_view_set(
-            "tiny", resolution=16, counts=COUNTS, spp=SPP, cache_folder=cache, variant="scalar_rgb"
-        )
+def stored_once(tmp_path_factory: pytest.TempPathFactory, render_tiny: Callable[..., Path]) -> Path:
+    return render_tiny(tmp_path_factory.mktemp("view_sets"))
 
 
 @pytest.fixture

@@ -1,10 +1,13 @@
-"""The encoding against Listing 1 as printed, against mpmath, and in its limits."""
+"""The encoding against Listing 1 as printed; `encode` against float64 and mpmath in every band, against
+`fourier_features` in every bit; both in their limits.
+"""
 
 import math
 
 import pytest
 import torch
 from torch import Tensor, nn
+from torch.autograd import forward_ad
 
 from baselines.numerics.encoding import (
     PHI,
@@ -13,7 +16,9 @@ from baselines.numerics.encoding import (
     fourier_features,
     frequency_ladder,
     matched_bands,
+    recurrence_is_accurate,
 )
+from harness.studies.stability.rays.encoding_cases import true_waves
 
 
 class Listing1(nn.Module):
@@ -88,3 +93,212 @@ def test_sixty_decades_of_positions_are_finite_with_finite_gradients(base: float
     for features in (fourier_features(positions, frequency_ladder(base, 10)), encode(positions.detach(), base, 10)):
         assert torch.isfinite(features).all()
         assert (features[:, 1:].abs() <= 1.0 + 1e-5).all()
+
+
+# `encode`
+
+MOST_BANDS = {2.0: 20, PHI: 12}
+SINE_ERROR = {
+    2.0: [2.15e-7 * 2**k for k in range(20)],
+    PHI: [2.2e-7, 3.5e-7, 5.4e-7, 9.0e-7, 1.5e-6, 3.0e-6, 2.4e-6, 7.3e-6, 8.0e-6, 1.15e-5, 1.85e-5, 5.7e-5],
+}
+"""Worst error of a float32 sine or cosine of f_k π x at |x| <= 1: that of half of all floats in 0.25 … 1, and 3 %."""
+RECURRENCE_ERROR = {
+    2.0: [2.2e-7, 4.9e-7, 1.1e-6, 2.5e-6, 5.8e-6, *SINE_ERROR[2.0][5:]],
+    PHI: [2.2e-7, 3.5e-7, 5.8e-7, 1.0e-6, 1.85e-6, 2.9e-6, 5.3e-6, 7.9e-6, 1.35e-5, 2.3e-5, 4.4e-5, 8.0e-5],
+}
+WORST_POINTS = [0.9594049, 0.70799679, 0.82964283, 0.67696291, 0.71384221, 0.99998653, 0.99195886]  # of base 2
+WORST_POINTS += [0.97729111, 0.78944975, 0.84408224, 0.88934112, 0.86091918, 0.9966597, 0.829184, 0.97599095]  # φ
+WORST_POINTS += [0.84506017, 0.92030418, 0.96976089]
+BASES = pytest.mark.parametrize("base", [2.0, PHI], ids=["2", "phi"])
+
+
+def random_points(count: int, axes: int = 3, dtype: torch.dtype = torch.float32) -> Tensor:
+    return 2.0 * torch.rand(count, axes, generator=torch.Generator().manual_seed(1), dtype=dtype) - 1.0
+
+
+def hard_points() -> Tensor:
+    """Zeros, extrema and fixed points of doubling; what is next to 1; tiny and denormal numbers; a grid; a sample."""
+    rationals = [torch.arange(-n, n + 1) / n for n in (55, 60, 64, 81)]
+    golden = torch.tensor([PHI**-k for k in range(12)])
+    tiny = torch.tensor([0.0, -0.0, 1e-30, -1e-30, 1e-38, -1e-40, 1e-45])
+    powers = 2.0 ** -torch.arange(24.0)
+    worst = torch.tensor(WORST_POINTS)
+    points = torch.cat(
+        [*rationals, golden, tiny, powers, 1.0 - powers, worst, -worst, torch.linspace(-1.0, 1.0, 20001)]
+    )
+    return torch.cat([points.unsqueeze(-1), random_points(60000, 1)])
+
+
+def reference(x: Tensor, base: float, bands: int) -> Tensor:
+    """[points, bands, 2, axes] in float64, whose own error at |x| <= 4 is below 1e-12."""
+    half_turns = x.double().unsqueeze(1) * frequency_ladder(base, bands, torch.float64).unsqueeze(-1)
+    angle = math.pi * (half_turns - 2.0 * torch.round(0.5 * half_turns))
+    return torch.stack([torch.sin(angle), torch.cos(angle)], dim=2)
+
+
+def error_by_band(features: Tensor, x: Tensor, base: float, bands: int) -> list[float]:
+    waves = features[:, x.shape[1] :].double().reshape(len(x), bands, 2, x.shape[1])
+    return (waves - reference(x, base, bands)).abs().amax((0, 2, 3)).tolist()
+
+
+def exceeding(errors: list[float], bounds: list[float]) -> list[str]:
+    return [f"band {k}: {e:.2e} > {b:.2e}" for k, (e, b) in enumerate(zip(errors, bounds, strict=True)) if e > b]
+
+
+def exact(x: Tensor, base: float, bands: int) -> Tensor:
+    """[points, 2 bands] of points on one axis, correct to float64's last bit."""
+    return torch.cat([true_waves(x[:, 0], base, band) for band in range(bands)], dim=-1)
+
+
+@BASES
+def test_reference_is_mpmath(base: float) -> None:
+    x = torch.cat([random_points(50, 1), torch.tensor([[1.0], [1 / 3], [1e-30], [4.0]])])
+    difference = reference(x, base, MOST_BANDS[base]).flatten(1) - exact(x, base, MOST_BANDS[base])
+    assert float(difference.abs().max()) < 1e-12
+
+
+@BASES
+@pytest.mark.parametrize("recurrence", [True, False])
+def test_error_of_every_band_is_within_its_bound(base: float, recurrence: bool) -> None:
+    x, bands = hard_points(), MOST_BANDS[base]
+    errors = error_by_band(encode(x, base, bands, recurrence), x, base, bands)
+    bounds = (RECURRENCE_ERROR if recurrence else SINE_ERROR)[base]
+    assert not exceeding(errors, bounds)
+    assert errors[-1] >= bounds[-1] / 3, "the bounds no longer describe what float32 does"
+
+
+@BASES
+@pytest.mark.parametrize("bands", [*range(1, 13), 14, 19])
+def test_bounds_hold_whatever_the_number_of_bands(base: float, bands: int) -> None:
+    bands = min(bands, MOST_BANDS[base])
+    x = hard_points()[::3]
+    assert not exceeding(error_by_band(encode(x, base, bands), x, base, bands), RECURRENCE_ERROR[base][:bands])
+
+
+@BASES
+def test_float64_keeps_float64(base: float) -> None:
+    bands = MOST_BANDS[base]
+    x = torch.cat([random_points(400, 1, torch.float64), torch.tensor([[1.0], [-0.5], [1 / 3], [1e-300]])])
+    features = encode(x, base, bands)
+    assert features.dtype == torch.float64
+    errors = (features[:, 1:] - exact(x, base, bands)).abs().amax(0).view(bands, 2).amax(1).tolist()
+    assert not exceeding(errors, [1.5e-15 * base**k for k in range(bands)])
+
+
+@BASES
+def test_up_to_four_times_outside_the_box_the_error_grows_by_four(base: float) -> None:
+    x, bands = 4.0 * hard_points(), 10
+    bounds = [5 * bound for bound in RECURRENCE_ERROR[base][:bands]]
+    assert not exceeding(error_by_band(encode(x, base, bands), x, base, bands), bounds)
+
+
+@BASES
+@pytest.mark.parametrize("x", [1e-10, -1e-30, 1e-36])
+def test_sine_of_a_tiny_number_keeps_its_relative_precision(base: float, x: float) -> None:
+    features = encode(torch.tensor([[x]]), base, 10)[0, 1:].double().view(10, 2)
+    angles = math.pi * x * frequency_ladder(base, 10, torch.float64)
+    torch.testing.assert_close(features[:, 0], angles, rtol=2e-6, atol=0.0)
+    assert (features[:, 1] == 1.0).all()
+
+
+@BASES
+def test_what_is_not_finite_stays_visible(base: float) -> None:
+    for x in (math.nan, math.inf, -math.inf):
+        assert encode(torch.tensor([[x]]), base, 10)[:, 1:].isnan().all()
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+@pytest.mark.parametrize("base", [2.0, PHI, 1.65])
+@pytest.mark.parametrize("points", [0, 1, 2, 17, 1023, 20001])
+@pytest.mark.parametrize(("axes", "bands"), [(3, 0), (3, 1), (1, 2), (2, 7), (3, 10)])
+def test_without_recurrence_every_bit_is_that_of_the_oracle(
+    dtype: torch.dtype, base: float, points: int, axes: int, bands: int
+) -> None:
+    x = random_points(points, axes, dtype)
+    oracle = fourier_features(x, frequency_ladder(base, bands, dtype))
+    ours = encode(x, base, bands, recurrence=False)
+    assert ours.shape == oracle.shape
+    assert torch.equal(ours, oracle)
+
+
+@pytest.mark.parametrize(("base", "bands"), [(1.65, 10), (1.6180, 10), (3.0, 4), (PHI, 13), (PHI, 20), (2.0, 21)])
+def test_where_the_recurrence_is_not_accurate_it_is_not_used(base: float, bands: int) -> None:
+    x = random_points(1000)
+    assert not recurrence_is_accurate(base, bands)
+    assert torch.equal(encode(x, base, bands), fourier_features(x, frequency_ladder(base, bands)))
+
+
+@pytest.mark.parametrize(("base", "first"), [(2.0, 1), (PHI, 2)], ids=["2", "phi"])
+def test_where_it_is_accurate_it_is_used(base: float, first: int) -> None:
+    x = random_points(1000)
+    for bands in range(MOST_BANDS[base] + 1):
+        assert recurrence_is_accurate(base, bands)
+        same = torch.equal(encode(x, base, bands), fourier_features(x, frequency_ladder(base, bands)))
+        assert same == (bands <= first)
+
+
+@BASES
+@pytest.mark.parametrize("recurrence", [True, False])
+def test_a_point_has_its_features_whoever_its_neighbours_are(base: float, recurrence: bool) -> None:
+    x = random_points(20001)
+    whole = encode(x, base, 10, recurrence)
+    assert torch.equal(whole, encode(x, base, 10, recurrence))
+    for part in (slice(0, 1), slice(3, 1000), slice(17, 4113), slice(16000, 20001)):
+        assert torch.equal(encode(x[part], base, 10, recurrence), whole[part])
+
+
+@BASES
+def test_points_of_a_feature_adjoin_and_nothing_given_is_changed(base: float) -> None:
+    x = random_points(50)
+    before = x.clone()
+    features = encode(x, base, 10)
+    assert features.t().is_contiguous()
+    features.zero_()
+    assert torch.equal(x, before)
+    assert encode(x, base, 10).count_nonzero() == features.numel()
+
+
+@BASES
+def test_points_need_not_be_contiguous(base: float) -> None:
+    x = random_points(400)
+    scattered = x.repeat_interleave(2, dim=0)[::2]
+    transposed = x.t().contiguous().t()
+    for view in (scattered, transposed):
+        assert torch.equal(encode(view, base, 10), encode(x, base, 10))
+
+
+@BASES
+@pytest.mark.parametrize("recurrence", [True, False])
+def test_gradient_where_one_is_wanted_is_that_of_the_oracle(base: float, recurrence: bool) -> None:
+    x = random_points(4, dtype=torch.float64).requires_grad_()
+    assert torch.autograd.gradcheck(lambda x: encode(x, base, 4, recurrence), (x,))
+    with torch.no_grad():
+        assert not encode(x, base, 4, recurrence).requires_grad
+
+
+@BASES
+@pytest.mark.filterwarnings("ignore:.*torch.jit.script.*:FutureWarning")
+def test_forward_mode_derivative_is_refused(base: float) -> None:
+    x = random_points(4)
+    with forward_ad.dual_level(), pytest.raises(NotImplementedError, match="forward AD"):
+        encode(forward_ad.make_dual(x, torch.ones_like(x)), base, 4)
+
+
+def test_inference_mode_leaves_nothing_behind_that_training_cannot_use() -> None:
+    x = random_points(8)
+    with torch.inference_mode():
+        encode(x, PHI, 9)
+        encode(x, 2.0, 9)
+    for base in (PHI, 2.0):
+        weight = torch.ones(3 * 19, 2, requires_grad=True)
+        (encode(x, base, 9) @ weight).sum().backward()
+        assert weight.grad is not None
+
+
+@pytest.mark.parametrize("dtype", [torch.float16, torch.bfloat16])
+def test_half_precision_is_refused(dtype: torch.dtype) -> None:
+    with pytest.raises(TypeError, match="needs float32 or float64"):
+        encode(torch.zeros(2, 3, dtype=dtype), 2.0, 3)
+    with pytest.raises(TypeError, match="float32 or better"):
+        fourier_features(torch.zeros(2, 3, dtype=dtype), frequency_ladder(2.0, 3))

@@ -1,4 +1,4 @@
-"""`python -m harness run`: a mistake is reported in one line, before anything is done."""
+"""`python -m harness run`: a mistake is reported in one line, before anything is done; `splats` is typed."""
 
 import shutil
 from dataclasses import replace
@@ -11,12 +11,13 @@ from harness.command.plan_options import planned
 from harness.execution.progress import Quiet
 from harness.execution.run import run
 from harness.plan.run_plan import Machine
-from harness.records.cells import read_cells, read_comparisons
+from harness.records.cells import cell_path, read_cell, read_cells, read_comparisons
+from harness.records.scored_pictures import read_scores
 from harness.records.verdict import OPEN
 from harness.run_folder.output_folder import claim
 from tests.harness.bad_view_sets import SPOILT
 from tests.harness.shell import CELLS, TINY, refused, shell
-from tests.harness.trained_runs import in_this_process
+from tests.harness.trained_runs import in_this_process, train_run
 
 # bad input
 
@@ -29,13 +30,11 @@ from tests.harness.trained_runs import in_this_process
         ("--methods nerf gnerf", "unknown 'gnerf'; known: nerf nerf_matched qnerf"),
         ("--methods nerf nerf", "named twice"),
         ("--seeds 0", "--seeds 0: must lie between"),
-        ("--seeds -1", "--seeds -1"),
         ("--seeds 1000000", "--seeds 1000000"),
         ("--budget-steps 0", "--budget-steps 0"),
         ("--budget-steps 99999999999", "--budget-steps 99999999999"),
         ("--budget-seconds -2", "--budget-seconds -2"),
         ("--budget-seconds nan", "--budget-seconds nan"),
-        ("--budget-seconds inf", "--budget-seconds inf"),
         ("--scenes lego lego", "lego named twice"),
         ("--resolution 0", "--resolution 0"),
         ("--resolution 100000", "--resolution 100000"),
@@ -64,19 +63,10 @@ def test_what_a_view_set_lists_is_read_before_anything_is_planned(
     assert f"--view-set {tmp_path}/transforms.json" in said
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        "",
-        "walk",
-        "run --colour red",
-        "run --seeds many",
-        "run --device tpu",
-        "run --executor cloud",
-        "run lego",
-        "run --with x",
-    ],
-)
+NO_OPTIONS = ("lego", "--colour red", "--seeds many", "--device tpu", "--executor cloud", "--with x")
+
+
+@pytest.mark.parametrize("arguments", ["", "walk", *(f"run {words}" for words in NO_OPTIONS)])
 def test_bad_usage_is_exit_code_2(arguments: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as caught:
         main(arguments.split())
@@ -105,9 +95,7 @@ def test_a_bad_view_set_is_reported_before_anything_is_done(
     assert [file.name for file in tmp_path.iterdir()] == ["ball"], "the same command can be typed again"
 
 
-def test_a_view_set_that_is_too_small_is_refused(
-    ball_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_too_small_view_set_is_refused(ball_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     said = refused(capsys, *TINY, "--quiet", "--view-set", ball_folder, "--out", tmp_path / "run", "--resolution", "48")
     assert "choose --resolution 24 or less" in said
     assert list(tmp_path.iterdir()) == []
@@ -180,3 +168,25 @@ def test_a_diverged_cell_is_exit_code_3_and_stays_visible(
         assert (cell.reason or "").startswith(f"not finite at step {cell.steps}: ")
     assert {row.verdict for row in read_comparisons(tmp_path / "run")} == {OPEN}
     assert sum(row.unpaired for row in read_comparisons(tmp_path / "run") if row.metric == "psnr") > 0
+
+
+# `python -m harness splats`
+
+
+def test_gaussians_of_a_run_are_written_and_score_as_in_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, table = train_run(tmp_path, ["nerf", "splats"], steps=40, size=24), tmp_path / "scores.json"
+    assert main(["splats", str(out)]) == 0
+    file = out / "ball-splats-0.ply"
+    assert f"{file}: " in capsys.readouterr().out
+    scored = ["--view-set", tmp_path / "ball", "--method", "mine", "--to", table]
+    assert main(["score", str(file), *map(str, scored)]) == 0
+    (row,) = read_scores(table).cells
+    trained = read_cell(cell_path(out, "ball", "splats", 0)).scores["psnr"]
+    assert row.made["width"] == 24
+    assert row.psnr == pytest.approx(trained, abs=0.7), "that program blurs a little more"
+    assert "--method nerf: has no Gaussians" in refused(capsys, out, "--method", "nerf", command="splats")
+    assert "--scene: unknown 'mic'" in refused(capsys, out, "--scene", "mic", command="splats")
+    assert "ends in .ply" in refused(capsys, out, "--to", tmp_path / "a.txt", command="splats")
+    file.write_bytes(file.read_bytes()[:-7])
+    assert f"{file}: is not a PLY file" in refused(capsys, file, *scored, command="score")
+    assert "none.ply: cannot be read" in refused(capsys, tmp_path / "none.ply", *scored, command="score")

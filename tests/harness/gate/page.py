@@ -56,9 +56,7 @@ def spread_table(stored: References) -> str:
         for what, value in column.items():
             rows.setdefault(what, []).append(value)
     head = ["| | " + " | ".join(COLUMNS.values()) + " |", "|---|" + "---|" * len(COLUMNS)]
-    return "\n".join(
-        [*head, *(f"| {what} | {' | '.join(values)} |" for what, values in rows.items()), "", slower(stored)]
-    )
+    return "\n".join([*head, *(f"| {what} | {' | '.join(row)} |" for what, row in rows.items()), "", slower(stored)])
 
 
 def renewal(stored: References, limits: LimitsFile) -> str:

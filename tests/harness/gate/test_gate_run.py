@@ -93,9 +93,7 @@ def test_an_error_in_one_kind_fails_its_gates_and_no_others(
     assert {check.why for check in failed.values()} == {"RuntimeError: rendering ended with exit code 1"}
 
 
-def test_a_gate_that_is_not_measured_fails(
-    limits: Path, tmp_path: Path, measuring: Measuring, monkeypatch: Patch
-) -> None:
+def test_an_unmeasured_gate_fails(limits: Path, tmp_path: Path, measuring: Measuring, monkeypatch: Patch) -> None:
     monkeypatch.setattr(images, "measure", complete("images")(lambda context: iter(())))
     assert gate_line(limits, tmp_path / "out", "--quiet", "--only", "images.lego.bias", "fairness") == 4
     assert checks_of(tmp_path / "out")["images.lego.bias"].why == "it was not measured"
@@ -113,9 +111,7 @@ def test_a_missing_reference_image_is_reported_before_any_measurement(
     assert measured == ["worse", "speed"]
 
 
-def test_a_gate_without_a_limit_fails_with_a_remedy(
-    limits: Path, tmp_path: Path, measuring: Measuring, capsys: Capture
-) -> None:
+def test_a_missing_limit_names_its_remedy(limits: Path, tmp_path: Path, measuring: Measuring, capsys: Capture) -> None:
     data = json.loads(limits.read_text())
     data["kinds"]["images"]["settings"]["spp"] = 64
     limits.write_text(json.dumps(data))
@@ -175,11 +171,9 @@ def test_stored_files_that_cannot_be_read_are_bad_input(
 
 
 def test_unknown_names_and_folders_in_use_are_refused(limits: Path, tmp_path: Path, capsys: Capture) -> None:
-    message = refused(
-        capsys, "--limits", limits, "--only", "speed", "teapot", "--out", tmp_path / "out", command="gate"
-    )
-    assert "'teapot'; known: changed worse families images fairness speed" in message
     only = ("--limits", limits, "--only", "speed", "--quiet", "--out")
+    message = refused(capsys, *only, tmp_path / "out", "--only", "speed", "teapot", command="gate")
+    assert "'teapot'; known: changed worse families images fairness speed" in message
     assert "in use; name another one\n" in refused(capsys, *only, tmp_path, command="gate"), "gates are not resumed"
     lock = lock_folder(tmp_path / "two")
     message = refused(capsys, *only, tmp_path / "two", command="gate")
@@ -204,9 +198,7 @@ def test_the_list_names_every_gate(capsys: Capture) -> None:
     assert f"{FAMILY} gates" in printed
 
 
-def test_a_renewal_of_images_says_what_changed(
-    limits: Path, tmp_path: Path, monkeypatch: Patch, capsys: Capture
-) -> None:
+def test_renewing_images_says_what_changed(limits: Path, tmp_path: Path, monkeypatch: Patch, capsys: Capture) -> None:
     before = read_stored(limits, LimitsFile)
     brighter = {name: [1.2 * value for value in values] for name, values in measured_values("images").items()}
     monkeypatch.setitem(gate_run.RENEWED_LIMITS, "images", lambda context: brighter)

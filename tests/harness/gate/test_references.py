@@ -30,9 +30,7 @@ def test_a_renewal_writes_what_it_measured_and_of_which_commit(
     monkeypatch.setattr(gate_run, "committed", lambda: "0123456789ab")
     monkeypatch.setattr(gate_speed, "renew", lambda context: {"speed.score": [3.0, 3.1]})
     cells = {"lego/nerf/1000": {"psnr": [30.0]}}
-    monkeypatch.setattr(
-        gate_run, "RENEWALS", {"worse": lambda context: structs.replace(context.references, cells=cells)}
-    )
+    monkeypatch.setattr(gate_run, "RENEWALS", {"worse": lambda given: structs.replace(given.references, cells=cells)})
     assert read_stored(limits.parent / REFERENCES_FILE, References) == references()
     before = structs.replace(references(), speed={"avx1024": references().speed[class_here()]})
     write_stored(limits.parent / REFERENCES_FILE, before)

@@ -58,9 +58,7 @@ def compared(stored: References) -> References:
 
 
 def scores_with(psnr: np.ndarray, ssim: float = 0.8, depth: float = 0.2) -> Scores:
-    return {
-        key: {"psnr": float(value), "ssim": ssim, "depth_rmse": depth} for key, value in zip(KEYS, psnr, strict=True)
-    }
+    return {key: {"psnr": float(one), "ssim": ssim, "depth_rmse": depth} for key, one in zip(KEYS, psnr, strict=True)}
 
 
 def loss(name: str, new: Scores, stored: References, has_changed: bool = False) -> Check:

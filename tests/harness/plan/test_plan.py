@@ -1,20 +1,30 @@
-"""Profiles, and what options change in them."""
+"""Profiles, what options change in them, what the record of a run states, and the settings of each method."""
 
 import json
 import shutil
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from baselines.catalog import CATALOG as METHODS
+from baselines.methods.chosen import DensityConstants
+from baselines.methods.repaired import CANDIDATES
 from harness.command.plan_options import planned
+from harness.plan import run_plan
 from harness.plan.names import scene_name_of
+from harness.plan.planned_record import deviations, not_tested
 from harness.plan.profiles import PROFILES
+from harness.plan.run_plan import Machine, Plan
 from harness.plan.schedule import Budget
+from harness.training.learner import Job
+from harness.training.make_learner import learner_for
 from scenes.catalog.entries import CATALOG as SCENES
 from scenes.catalog.entries import CLASSICS
 from scenes.files.errors import InputError
+from tests.harness import tiny
+from tests.replacing import replace
 
 
 @pytest.mark.parametrize("name", PROFILES)
@@ -85,14 +95,10 @@ def test_options_change_what_they_name_and_nothing_else(ball_folder: Path) -> No
 @pytest.mark.parametrize(
     ("folder", "name"),
     [
-        ("nerf_synthetic/lego", "lego"),
-        ("my views!", "my-views"),
-        ("a.b", "a-b"),
-        ("Зонт", "view-set"),
-        ("..scene..", "scene"),
-        ("/", "view-set"),
+        ("nerf_synthetic/lego", "lego"), ("my views!", "my-views"), ("a.b", "a-b"), ("Зонт", "view-set"),
+        ("..scene..", "scene"), ("/", "view-set"),
     ],
-)
+)  # fmt: skip
 def test_a_view_sets_name_is_fit_for_a_file_name(folder: str, name: str, tmp_path: Path) -> None:
     assert scene_name_of(tmp_path / folder) == name
 
@@ -111,3 +117,132 @@ def test_a_guest_has_a_cell_on_each_scene_and_none_where_methods_are_named() -> 
     assert not {key for key in plan.guest_cells()} & set(plan.cells())
     assert "guest" not in plan.settings(), "no result of the others depends on it"
     assert planned("reduced", methods=["nerf", "qnerf"]).guest_cells() == []
+
+
+# what the record of a run states
+
+
+def beginning(plan: Plan, words: str, **notes: tuple[str, ...]) -> list[str]:
+    return [sentence for sentence in deviations(plan, notes) if sentence.startswith(words)]
+
+
+def test_the_control_is_named_only_where_it_takes_part() -> None:
+    for methods, words in (
+        (("nerf", "nerf_matched", "qnerf"), "bandwidth, which is why nerf_matched is shown for comparison."),
+        (("nerf", "qnerf"), "reward low bandwidth."),
+    ):
+        (sentence,) = (one for one in not_tested(replace(PROFILES["reduced"], methods=methods)) if "bandwidth" in one)
+        assert sentence.endswith(words)
+
+
+def test_rays_through_covered_pixels_are_a_deviation_that_is_said() -> None:
+    plan = PROFILES["full"]
+    assert not beginning(plan, "0%")
+    assert beginning(replace(plan, train=replace(plan.train, covered_share=0.7)), "70% of the rays")
+
+
+def test_whoever_cannot_leave_out_hidden_points_is_named() -> None:
+    words = "Points behind matter"
+    (sentence,) = beginning(planned("reduced", methods=["nerf", "qnerf", "qnerf_repaired"]), words)
+    assert "In qnerf it depends on" in sentence
+    assert not beginning(planned("reduced", methods=["nerf", "qnerf_repaired"]), words)
+    assert not beginning(planned("reduced", without=["hidden"]), words)
+
+
+def test_what_the_reader_of_images_noted_and_what_was_forced_is_said_once() -> None:
+    plan = planned("reduced", need=["view_direction"])
+    notes = {"ball": ("No alpha.",), "cup": ("No alpha.", "No test views.")}
+    assert beginning(plan, "Of the view set of", **notes) == [
+        "Of the view set of ball, cup: No alpha.",
+        "Of the view set of cup: No test views.",
+    ]
+    assert len(beginning(plan, "Forced by --need, whatever the scene needs: kept are ")) == 1
+
+
+def test_a_loss_or_schedule_of_its_own_is_stated_with_the_method() -> None:
+    plan = planned("reduced", methods=["nerf", "qnerf"])
+    assert not beginning(plan, "qnerf: It trains with")
+    own = plan.own_settings(["qnerf"])["qnerf"]
+    own = replace(own, loss="huber", learning_rate=0.003)
+    (sentence,) = beginning(replace(plan, train=replace(plan.train, own={"qnerf": own})), "qnerf: It trains with")
+    assert "loss huber, learning_rate 0.003, the other methods" in sentence
+
+
+# all that changes the results of a method is in the settings of a run and of each of its cells
+
+
+OTHERS = {"base2": "phi", "phi": "base2", "half": "phi", "none": "equation4", "box": "scene", "scene": "box"}
+"""Another name of the same kind; others become what nothing is called, as nothing is trained here."""
+
+
+def changed(name: str, value: Any) -> Any:
+    if name == "start" and value is None:
+        return 1.0
+    if name == "decay":
+        return "linear"
+    match value:
+        case bool():
+            return not value
+        case int() | float():
+            return 2 * value
+        case tuple():
+            return tuple(2 * part for part in value)
+        case None:
+            return 3
+        case _:
+            return OTHERS.get(value, f"another {value}")
+
+
+def plan_of(method: str) -> Plan:
+    return replace(PROFILES["reduced"].without_extras(), methods=("nerf", method))
+
+
+def cell_settings(plan: Plan, method: str, folder: Path) -> dict[str, Any]:
+    return plan.tasks(dict.fromkeys(plan.scenes, folder), Machine("cpu", 1, 1), folder)[0].settings(method)
+
+
+@pytest.mark.parametrize("method", [name for name in METHODS if name != "nerf"])
+def test_each_setting_of_a_method_is_one_of_its_run_and_of_its_cells_alone(method: str, tmp_path: Path) -> None:
+    plan = plan_of(method)
+    own = plan.own_settings([method])[method]
+    seen = [plan.settings()]
+    for each in fields(own):
+        other = replace(own, **{each.name: changed(each.name, getattr(own, each.name))})
+        changed_plan = replace(plan, train=replace(plan.train, own={method: other}))
+        assert changed_plan.settings() not in seen, each.name
+        seen.append(changed_plan.settings())
+        before, after = (cell_settings(one, method, tmp_path) for one in (plan, changed_plan))
+        assert before != after, each.name
+        assert cell_settings(plan, "nerf", tmp_path) == cell_settings(changed_plan, "nerf", tmp_path)
+
+
+@pytest.mark.parametrize("name", ["qnerf", "qnerf_repaired"])
+def test_constants_chosen_at_the_scale_of_a_profile_are_those_of_all_that_was_searched(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """qnerf_repaired is one of the candidates that are searched under names of their own."""
+    repaired = next(each for each, parts in CANDIDATES.items() if parts == METHODS["qnerf_repaired"].settings)
+    pairs = {"qnerf": DensityConstants(100.0, None), repaired: DensityConstants(10.0, 7.0)}
+    monkeypatch.setattr(run_plan, "chosen", lambda profile: pairs if profile == "converged" else {})
+    usual = METHODS[name].settings
+    pair = pairs[repaired if name == "qnerf_repaired" else name]
+    assert PROFILES["converged"].own_settings([name])[name] == replace(usual, **pair.fields)
+    assert PROFILES["smoke"].own_settings([name])[name] == usual
+
+
+@pytest.mark.parametrize(
+    ("method", "changes"),
+    [
+        ("nerf", {"encoding": "base2_matched"}),
+        ("nerf", {"width": 20}),
+        ("planes", {"nodes": (8, 16)}),
+        ("hash_grid", {"cells": (8, 16), "entries": 64}),
+        ("splats", {"first": 50}),
+    ],
+)
+def test_a_trainer_has_the_settings_of_its_job(method: str, changes: dict[str, Any]) -> None:
+    own = replace(METHODS[method].settings, **changes)
+    settings = [tiny.TRAIN, replace(tiny.TRAIN, own={method: own})]
+    learners = [learner_for(Job(method, tiny.box(), each, tiny.BUDGET, 0, tiny.CPU)) for each in settings]
+    counts = [learner.field.parameter_counts()["total"] for learner in learners]
+    assert counts[0] != counts[1]

@@ -8,23 +8,12 @@ import numpy as np
 import pytest
 
 from harness.records import pictures
-from harness.records.pictures import (
-    Render,
-    Truth,
-    half,
-    last_of,
-    read_renders,
-    read_truth,
-    sealed,
-    unsealed,
-    write_renders,
-    write_truth,
-)
+from harness.records.pictures import Render, Truth, read_renders, write_renders, write_truth
 from scenes.files.errors import DamagedRecord
 
 
 def noise(*shape: int, seed: int = 0, scale: float = 1.0) -> np.ndarray:
-    return half(scale * np.random.default_rng(seed).standard_normal(shape))
+    return pictures.half(scale * np.random.default_rng(seed).standard_normal(shape))
 
 
 def renders(height: int = 3, width: int = 4) -> list[Render]:
@@ -38,7 +27,7 @@ def renders(height: int = 3, width: int = 4) -> list[Render]:
 
 def truths() -> list[Truth]:
     light = noise(3, 4, 3, scale=3e4)
-    light[0, 0] = half(np.array([1e9, -1e9, 6e-8]))
+    light[0, 0] = pictures.half(np.array([1e9, -1e9, 6e-8]))
     return [
         Truth("test/r_5", noise(3, 4, 3), noise(3, 4), light, noise(3, 4)),
         Truth("test/r_9", noise(2, 1, 3), noise(2, 1)),
@@ -57,15 +46,15 @@ def test_pictures_come_back_bit_for_bit(tmp_path: Path) -> None:
     back = read_renders(tmp_path / "new" / "a.safetensors")
     assert list(map(bits, back)) == list(map(bits, renders()))
     write_truth(tmp_path / "b.safetensors", truths())
-    assert list(map(bits, read_truth(tmp_path / "b.safetensors"))) == list(map(bits, truths()))
-    assert [render.step for render in last_of(back)] == [200, 200]
+    assert list(map(bits, pictures.read_truth(tmp_path / "b.safetensors"))) == list(map(bits, truths()))
+    assert [render.step for render in pictures.last_of(back)] == [200, 200]
     assert {file.name for file in tmp_path.rglob("*.*")} == {"a.safetensors", "b.safetensors"}, "no other file is left"
 
 
 def test_light_is_clipped_to_what_float16_holds_and_nan_is_refused() -> None:
-    assert half(np.array([1e9, -np.inf, 1.0])).tolist() == [65504.0, -65504.0, 1.0]
+    assert pictures.half(np.array([1e9, -np.inf, 1.0])).tolist() == [65504.0, -65504.0, 1.0]
     with pytest.raises(ValueError, match="NaN"):
-        half(np.array([np.nan]))
+        pictures.half(np.array([np.nan]))
 
 
 def test_equal_pictures_make_equal_bytes_and_are_not_written_again(tmp_path: Path) -> None:
@@ -123,9 +112,9 @@ def test_what_is_missing_or_of_another_kind_is_refused(tmp_path: Path) -> None:
 
 def rewritten(path: Path, change: Callable[[dict, dict], object]) -> None:
     """Change the tensors and the listing of the file, with a matching digest."""
-    listing, tensors = unsealed("pictures", path.read_bytes())
+    listing, tensors = pictures.unsealed("pictures", path.read_bytes())
     change(tensors, listing)
-    path.write_bytes(sealed("pictures", listing, tensors))
+    path.write_bytes(pictures.sealed("pictures", listing, tensors))
 
 
 @pytest.mark.parametrize(

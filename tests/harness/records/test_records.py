@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from harness.records import json_record
 from harness.records.cells import (
     HELD,
     USUAL,
@@ -34,15 +35,7 @@ from harness.records.cells import (
     write_comparisons,
     write_run,
 )
-from harness.records.json_record import (
-    digest_of,
-    finite_or_none,
-    load_json,
-    plain,
-    without_gaps,
-    write_json,
-    write_record,
-)
+from harness.records.json_record import digest_of, load_json, plain, write_record
 from harness.records.metric_table import METRICS
 from harness.records.verdict import OPEN, Verdict
 from harness.verdicts.claim_files import known_claims
@@ -76,17 +69,6 @@ def one_run() -> RunRecord:
         "smoke", "python -m harness run", [scene], {"nerf": "vanilla"}, ["φ"], [0, 1], {"rays": 1},
         {"commit": "x"}, {"total": 3.0}, True, ["much"],
     )  # fmt: skip
-
-
-def test_a_cell_comes_back_as_it_was_written(tmp_path: Path) -> None:
-    for record in (one_cell(), diverged("ship", "nerf", 0)):
-        write_cell(tmp_path, record)
-        path = cell_path(tmp_path, record.scene, record.method, record.seed)
-        written = path.read_bytes()
-        assert read_cell(path) == record
-        write_cell(tmp_path, read_cell(path))
-        assert path.read_bytes() == written, "an interrupted run writes the bytes of one that was not"
-    assert [record.scene for record in read_cells(tmp_path)] == ["lego", "ship"]
 
 
 def test_a_run_and_comparisons_come_back_as_they_were_written(tmp_path: Path) -> None:
@@ -142,9 +124,13 @@ cells = st.fixed_dictionaries(
 def test_any_cell_comes_back_as_it_was_written(facts: Any, curve: Any, views: Any) -> None:
     points, scored = [Checkpoint(**point) for point in curve], [ViewScore(view, **scores) for view, scores in views]
     record = CellRecord(scene="lego", method="nerf", curve=points, views=scored, **facts)
-    with tempfile.TemporaryDirectory() as out:
-        write_cell(Path(out), record)
-        assert list(read_cells(Path(out))) == [record]
+    with tempfile.TemporaryDirectory() as folder:
+        out, path = Path(folder), cell_path(Path(folder), "lego", "nerf", record.seed)
+        write_cell(out, record)
+        written = path.read_bytes()
+        assert list(read_cells(out)) == [record]
+        write_cell(out, read_cell(path))
+        assert path.read_bytes() == written, "an interrupted run writes the bytes of one that was not"
 
 
 @pytest.mark.parametrize(("metric", "value"), [("psnr", -5.0), ("psnr", 1e308), ("ssim", 5.0), ("flip", -0.1)])
@@ -173,7 +159,7 @@ def test_what_a_version_adds_to_a_record_changes_no_digest_of_an_older_one(tmp_p
     data.pop("costs")
     data["curve"] = [dict(reversed([(key, value) for key, value in point.items() if key != "dead_units"]))
                      for point in data["curve"]]  # fmt: skip
-    assert digest == HELD + digest_of(without_gaps(dict(reversed(data.items()))))
+    assert digest == HELD + digest_of(json_record.without_gaps(dict(reversed(data.items()))))
     assert digests_of([replace(cell, costs={"view_seconds": 1.0})]) != {"lego.qnerf.2.json": digest}
     # a former version digested keys in their order, and empty values
     write_comparisons(tmp_path, [], {"lego.qnerf.2.json": digest_of(plain(cell))})
@@ -186,22 +172,23 @@ def test_what_is_not_finite_is_refused_and_the_old_file_stays(bad: float, tmp_pa
     with pytest.raises(ValueError, match="JSON"):
         write_cell(tmp_path, replace(one_cell(), scores={"psnr": bad}))
     assert list(read_cells(tmp_path)) == [one_cell()]
-    assert [finite_or_none(value) for value in (bad, None, 2.5)] == [None, None, 2.5]
+    assert [json_record.finite_or_none(value) for value in (bad, None, 2.5)] == [None, None, 2.5]
 
 
 def test_hidden_files_of_others_and_cells_of_no_plan_are_passed_over(tmp_path: Path) -> None:
-    write_cell(tmp_path, diverged("lego", "nerf", 0))
+    both = [diverged(scene, "nerf", 0) for scene in ("lego", "ship")]
+    for record in reversed(both):
+        write_cell(tmp_path, record)
     cells = tmp_path / "records" / "cells"
     (cells / "._lego.nerf.0.json").write_bytes(b"\x00\x05\x16\x07")
-    assert list(read_cells(tmp_path)) == [diverged("lego", "nerf", 0)]
+    assert list(read_cells(tmp_path)) == both
     (cells / "notes.json").write_text("mine")
-    keys = [("lego", "nerf", 0), ("lego", "qnerf", 0)]
-    assert list(read_cells_of(tmp_path, keys)) == [diverged("lego", "nerf", 0)]
+    assert list(read_cells_of(tmp_path, [("lego", "nerf", 0), ("lego", "qnerf", 0)])) == both[:1]
 
 
 def test_a_command_that_is_not_utf_8_can_be_recorded(tmp_path: Path) -> None:
     command = as_text("python -m harness run --out r\udce9sum\udce9 ж")
-    write_json(tmp_path / "run.json", {"command": command})
+    json_record.write_json(tmp_path / "run.json", {"command": command})
     assert load_json(tmp_path / "run.json") == {"command": r"python -m harness run --out r\udce9sum\udce9 ж"}
 
 
@@ -311,9 +298,7 @@ ALL = ["nerf", "nerf_matched", "mine", "other"]
          "nerf", [("mine", "nerf"), ("other", "nerf"), ("other", "mine")]),
     ],
 )  # fmt: skip
-def test_roles_decide_the_compared_pairs(
-    roles: Roles, methods: list[str], baseline: str, pairs: list[tuple[str, str]]
-) -> None:
+def test_roles_decide_the_pairs(roles: Roles, methods: list[str], baseline: str, pairs: list[tuple[str, str]]) -> None:
     assert roles.among(methods).baseline == baseline
     assert roles.pairs(methods) == pairs
     assert roles.pairs([]) == []

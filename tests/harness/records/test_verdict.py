@@ -32,9 +32,7 @@ SMALLER: Size = "smaller than matters"
         (None, "open", "open", "sign and size open"),
     ],
 )
-def test_an_interval_answers_two_questions(
-    interval: tuple[float, float] | None, sign: Sign, size: Size, phrase: str
-) -> None:
+def test_an_interval_answers_both(interval: tuple[float, float] | None, sign: Sign, size: Size, phrase: str) -> None:
     found = verdict_of(interval, 0.2)
     assert (found, found.phrase) == (Verdict(sign, size), phrase)
     turned = interval and (-interval[1], -interval[0])

@@ -39,9 +39,8 @@ def out(tmp_path: Path) -> Path:
     cell = replace(diverged(*CELL), status="done", reason=None)
     write_cell(tmp_path, with_files(tmp_path, cell))
     half = np.full((4, 4), 0.5, dtype=np.float16)
-    write_truth(
-        tmp_path / "records" / truth_pictures("lego"), [Truth("test/r_0", np.repeat(half[..., None], 3, -1), half)]
-    )
+    truth = Truth("test/r_0", np.repeat(half[..., None], 3, -1), half)
+    write_truth(tmp_path / "records" / truth_pictures("lego"), [truth])
     write_comparisons(tmp_path, [])
     return tmp_path
 

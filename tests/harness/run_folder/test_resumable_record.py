@@ -1,15 +1,30 @@
-"""A resumed run keeps the facts of its earlier part, and reports cells of other code."""
+"""A run leaves whole records; a resumed one keeps the facts of its earlier part, and trains only what is missing."""
 
+import json
+import os
+import re
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from harness.command.main import main
 from harness.execution.group_loop import Event
 from harness.plan.group_task import GroupTask
-from harness.records.cells import CellRecord, LeftOut, cell_path, read_cell, read_run, write_cell, write_run
+from harness.records.cells import (
+    CellRecord,
+    LeftOut,
+    cell_path,
+    read_cell,
+    read_cells,
+    read_comparisons,
+    read_run,
+    write_cell,
+    write_run,
+)
+from harness.records.json_record import load_record, write_record
 from harness.run_folder.earlier_run import with_measured
 from harness.run_folder.phases import Phases
 from scenes.files.errors import DamagedRecord
@@ -47,9 +62,57 @@ def cell(out: Path, method: str) -> CellRecord:
     return read_cell(cell_path(out, "ball", method, 0))
 
 
-def test_cells_of_other_code_are_reported_and_recorded(
-    ball_folder: Path, out: Path, capsys: pytest.CaptureFixture[str]
+def files(out: Path, folder: str = ".") -> dict[Path, bytes]:
+    return {file.relative_to(out): file.read_bytes() for file in (out / folder).rglob("*") if file.is_file()}
+
+
+def test_a_run_leaves_whole_records(finished: Path) -> None:
+    record = read_run(finished)
+    assert record.finished
+    assert (list(record.methods), record.seeds) == (["nerf", "qnerf"], [0])
+    assert [(scene.name, scene.width, scene.psnr_ceiling) for scene in record.scenes] == [("ball", 8, None)]
+    assert set(record.phases) == {"render", "train", "total"}
+    assert [(one.method, one.seed) for one in read_cells(finished)] == [("nerf", 0), ("qnerf", 0)]
+    assert {row.scene for row in read_comparisons(finished)} == {"ball", "all"}
+    assert not list(finished.rglob("*.part"))
+    text = json.dumps(record.provenance)
+    assert not re.search(rf"\b{re.escape(os.uname().nodename)}\b", text)
+    assert str(Path.home()) not in text
+
+
+def test_a_full_disk_is_said_and_nothing_is_lost(
+    ball_folder: Path, out: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    def full(*_: Any) -> None:
+        raise OSError(28, "No space left on device", str(out))
+
+    before = files(out, "records/cells")
+    monkeypatch.setattr("harness.execution.run.write_run", full)
+    assert run_command(out, ball_folder, "--quiet", "--resume") == 2
+    said = capsys.readouterr().err
+    assert (said.startswith("error: "), "No space left" in said, said.count("\n")) == (True, True, 1)
+    assert files(out, "records/cells") == before
+
+
+def test_a_run_is_gone_on_with_by_the_views_alone_that_it_was_trained_on(
+    ball_folder: Path, out: Path, finished: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own = Path(shutil.copytree(ball_folder, tmp_path / "own" / "ball"))
+    write_record(out / "records/plan.json", {**load_record(out / "records/plan.json"), "view_set": str(own)})
+    cell_path(out, "ball", "nerf", 0).unlink()
+    shutil.copy(own / "train/r_1.png", own / "train/r_0.png")
+    before = files(out)
+    assert run_command(out, own, "--quiet", "--resume") == 2
+    said = capsys.readouterr().err
+    assert f"{own}: not the view set that ball.qnerf.0 was trained on (content was" in said
+    assert files(out) == before
+    shutil.copy(ball_folder / "train/r_0.png", own / "train/r_0.png")
+    assert run_command(out, own, "--quiet", "--resume") == 0
+    assert files(out, "checkpoints") == files(finished, "checkpoints")
+    assert cell(out, "nerf").scores == cell(finished, "nerf").scores
+
+
+def test_cells_of_other_code_are_recorded(ball_folder: Path, out: Path, capsys: pytest.CaptureFixture[str]) -> None:
     new = cell(out, "nerf").provenance["sources"]
     assert new == read_run(out).provenance["sources"]
     old = cell(out, "qnerf")
@@ -57,6 +120,7 @@ def test_cells_of_other_code_are_reported_and_recorded(
     cell_path(out, "ball", "nerf", 0).unlink()
     assert run_command(out, ball_folder, "--resume") == 0
     printed = capsys.readouterr().out
+    assert "training 1 cells, 1 kept from before" in printed
     assert (
         "1 of 1 finished cells were made by other code or packages (ball.qnerf.0: sources 0123456789abcdef" in printed
     )
@@ -78,10 +142,12 @@ def test_resuming_a_finished_run_with_other_code_prints_no_warning(
     assert "other code" not in capsys.readouterr().out
 
 
-def test_clocks_of_all_parts_are_summed(ball_folder: Path, out: Path) -> None:
-    first = read_run(out)
+def test_resuming_a_finished_run_trains_nothing_and_sums_the_clocks_of_all_parts(ball_folder: Path, out: Path) -> None:
+    first, folders = read_run(out), ("records/cells", "checkpoints", "records/pictures")
+    before = [files(out, folder) for folder in folders]
     write_run(out, replace(first, phases={"render": 10.0, "train": 1000.0, "verify": 5.0, "total": 1020.0}))
     assert run_command(out, ball_folder, "--resume") == 0
+    assert [files(out, folder) for folder in folders] == before
     phases = read_run(out).phases
     assert phases["verify"] == 5.0
     for name, before in (("render", 10.0), ("train", 1000.0), ("total", 1020.0)):

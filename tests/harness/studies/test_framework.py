@@ -117,9 +117,7 @@ def test_a_stopped_run_keeps_complete_studies_and_is_resumed(
 
 
 @pytest.mark.parametrize(("owner", "code"), [("ours", 3), ("paper", 0), ("usual", 0), ("machine", 0)])
-def test_only_a_check_of_ours_fails_the_run(
-    owner: str, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_only_our_checks_fail_the_run(owner: str, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scripted(monkeypatch, fail_in="5", owner=owner)
     assert run(tmp_path / "out", "2", "5") == code
     broken = read_studies(tmp_path / "out/speed.json").broken
@@ -157,7 +155,6 @@ def test_other_options_are_not_resumed(
 @pytest.mark.parametrize(
     ("shelf", "options", "said"),
     [
-        ("stability", "--cases Q1 Q99", "--studies: unknown 'Q99'; known: Q1 Q2"),
         ("stability", "--cases Q1 Q1", "--studies: Q1 named twice"),
         ("stability", "--methods nope", "--methods: unknown 'nope'; known: nerf"),
         ("speed", "--items 0", "--studies: unknown '0'; known: 1 2 3"),

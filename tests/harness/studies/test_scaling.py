@@ -9,17 +9,8 @@ from msgspec import structs
 from harness.plan.profiles import PROFILES
 from harness.plan.schedule import Budget
 from harness.records.study import Studies, read_studies
-from harness.studies.speed.full_setting import (
-    ASSUMED_SHARES,
-    GPUS,
-    measured_rate,
-    page,
-    paper_table,
-    render_seconds,
-    value_of,
-    wall_hours,
-    work_of,
-)
+from harness.studies.speed import full_setting
+from harness.studies.speed.full_setting import paper_table, value_of, work_of
 from scenes.files.errors import InputError
 
 DOCS = Path(__file__).parents[3] / "docs"
@@ -53,42 +44,42 @@ def test_the_count_agrees_with_a_measurement(speed: Studies) -> None:
         views=replace(plan.views, resolution=100, test=1),
         score=replace(plan.score, checkpoints=1, train_views=0),
     )
-    seconds = work_of(plan).scoring / measured_rate(speed)
+    seconds = work_of(plan).scoring / full_setting.measured_rate(speed)
     assert seconds == pytest.approx(value_of(speed, "rendering.paper.seconds"), rel=0.2)
 
 
 def test_the_smallest_assumed_shares_are_about_those_of_a_measured_h100() -> None:
-    gpu, sheet = read_studies(DOCS / "gpu" / "speed.json"), GPUS["NVIDIA H100 or H200, SXM"]
+    gpu, sheet = read_studies(DOCS / "gpu" / "speed.json"), full_setting.GPUS["NVIDIA H100 or H200, SXM"]
     rate = value_of(gpu, "matrix.paper.rate")
     per_sample = rate / value_of(gpu, "training.dense.accelerated.rate")  # both in bfloat16
     reached = {"bfloat16": rate, "float32": per_sample * value_of(gpu, "training.dense.float32.rate")}
-    for precision, (smallest, _) in ASSUMED_SHARES.items():
+    for precision, (smallest, _) in full_setting.ASSUMED_SHARES.items():
         assert reached[precision] / sheet[precision] == pytest.approx(smallest, rel=0.3)
 
 
 def test_work_is_not_divided_below_a_group() -> None:
     work = work_of(paper_table())
-    assert [wall_hours(work, 1.0, gpus) for gpus in (1, 8, 39, 40, 64)] == [320, 40, 16, 8, 8]
+    assert [full_setting.wall_hours(work, 1.0, gpus) for gpus in (1, 8, 39, 40, 64)] == [320, 40, 16, 8, 8]
 
 
 def test_the_fastest_variant_that_works_renders(speed: Studies) -> None:
-    assert render_seconds(speed) == (value_of(speed, "render.lego.llvm_ad_rgb.seconds"),
+    assert full_setting.render_seconds(speed) == (value_of(speed, "render.lego.llvm_ad_rgb.seconds"),
                                      value_of(speed, "render.hotdog.llvm_ad_rgb.seconds"))  # fmt: skip
     studies = [
         structs.replace(study, findings=[check for check in study.checks if "llvm" not in check.id])
         for study in speed.studies
     ]
     scalar = structs.replace(speed, studies=studies)
-    assert render_seconds(scalar)[0] == value_of(speed, "render.lego.scalar_rgb.seconds")
+    assert full_setting.render_seconds(scalar)[0] == value_of(speed, "render.lego.scalar_rgb.seconds")
     with pytest.raises(InputError, match="no seconds of rendering"):
-        render_seconds(structs.replace(speed, studies=[]))
+        full_setting.render_seconds(structs.replace(speed, studies=[]))
     with pytest.raises(InputError, match=r"no matrix\.paper\.rate"):
-        page(structs.replace(speed, studies=[]))
+        full_setting.page(structs.replace(speed, studies=[]))
     with pytest.raises(InputError, match="for steps"):
         work_of(replace(paper_table(), budget=Budget(None, 60.0)))
 
 
 def test_the_page_of_the_repository_is_up_to_date(speed: Studies) -> None:
-    assert page(speed) == (DOCS / "scaling.md").read_text(encoding="utf-8"), (
+    assert full_setting.page(speed) == (DOCS / "scaling.md").read_text(encoding="utf-8"), (
         "python -m harness study scaling > docs/scaling.md"
     )

@@ -1,4 +1,8 @@
-"""(seed, step) → batch, and nothing else."""
+"""(seed, step) → batch, and nothing else; pixels → rays, against `CONVENTIONS.md` and a loop over pixels."""
+
+import math
+from dataclasses import FrozenInstanceError
+from typing import Any
 
 import numpy as np
 import pytest
@@ -6,10 +10,11 @@ import torch
 
 from harness.machine.stopwatch import Stopwatch
 from harness.plan.seeds import generator_for
-from harness.training.batches import Batches, Cameras, covered_pixels
+from harness.training.batches import Batches, Camera, Cameras, covered_pixels
 from scenes.view_sets.image_stack import ImageStack
 from scenes.view_sets.pixels import over_white
 from tests.harness.ball import pose
+from tests.harness.tiny import CPU
 
 VIEWS, HEIGHT, WIDTH = 3, 4, 5
 PIXELS = VIEWS * HEIGHT * WIDTH
@@ -26,27 +31,15 @@ def batches() -> Batches:
     return Batches(cameras(), ImageStack.of(rgba))
 
 
-def numbers(some: Batches, seed: int, step: int, count: int = 40) -> list[int]:
-    return some.batch(seed, step, count)[1][:, 0].int().tolist()
-
-
-def test_the_same_seed_and_step_give_the_same_batch_whatever_came_before() -> None:
-    first = numbers(batches(), 3, 17)
-    other = batches()
-    torch.manual_seed(99)
-    for step in (17, 2, 18, 5):
-        numbers(other, 3, step)
-    assert numbers(other, 3, 17) == first
-
-
-def test_batches_are_those_of_all_views_composited_in_memory_to_the_bit() -> None:
+def test_batches_are_those_of_all_views_composited_in_memory_to_the_bit_whatever_came_before() -> None:
     size = 50
     rgba = np.random.default_rng(0).uniform(size=(VIEWS, size, size, 4)).astype(np.float32)
     rgba[..., 3] = np.where(rgba[..., 3] < 0.3, 0.0, np.minimum(1.2 * rgba[..., 3], 1.0))
     views = Cameras.of(np.array([pose(0.7 * i, 0.3) for i in range(VIEWS)]), size, size, 60.0, 2.0, 6.0)
     some = Batches(views, ImageStack.of(rgba))
     whole = torch.as_tensor(over_white(rgba), dtype=torch.float32).reshape(-1, 3)
-    for seed, step, count in ((0, 0, 512), ("lego/2", 31, 1024), (3, 1199, 1)):
+    before = torch.get_rng_state()
+    for seed, step, count in ((0, 0, 512), ("lego/2", 31, 1024), (3, 1199, 1), (0, 0, 512)):
         index = torch.randint(len(whole), (count,), generator=generator_for(seed, step, "batch"))
         rays, colours, *_ = some.batch(seed, step, count)
         assert colours.dtype == torch.float32
@@ -54,6 +47,7 @@ def test_batches_are_those_of_all_views_composited_in_memory_to_the_bit() -> Non
         direct = views.rays(index // size**2, index % size, index % size**2 // size)
         assert torch.equal(rays.directions, direct.directions)
         assert torch.equal(rays.origins, direct.origins)
+    assert torch.equal(torch.get_rng_state(), before), "the global generator is left alone"
 
 
 def test_a_batch_brings_the_time_of_its_making_also_where_it_was_kept(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -99,7 +93,8 @@ def test_images_with_nothing_covered_are_drawn_from_evenly() -> None:
 
 def test_where_all_is_covered_every_pixel_has_the_same_chance() -> None:
     given = batches().rgba
-    drawn = np.bincount(numbers(Batches(cameras(), given, 0.8), 0, 0, 60_000), minlength=PIXELS)
+    numbers = Batches(cameras(), given, 0.8).batch(0, 0, 60_000)[1][:, 0].int().tolist()
+    drawn = np.bincount(numbers, minlength=PIXELS)
     assert 850 < drawn.min() <= drawn.max() < 1150
 
 
@@ -109,9 +104,107 @@ def test_images_that_the_cameras_did_not_take_are_refused() -> None:
             Batches(cameras(), ImageStack.of(np.zeros(shape, np.float32)))
 
 
-def test_the_global_generator_is_left_alone() -> None:
-    torch.manual_seed(5)
-    expected = torch.rand(3)
-    torch.manual_seed(5)
-    numbers(batches(), 0, 0)
-    assert torch.equal(torch.rand(3), expected)
+# pixels → rays; one camera, and what no picture can be taken with
+
+
+POSES = np.array([pose(0.3, 0.2), pose(2.0, 0.9), pose(-1.0, -0.4)])
+
+
+def three_cameras(width: int, height: int, focal: float = 6.5) -> Cameras:
+    return Cameras.of(POSES, width, height, focal, 2.0, 6.0)
+
+
+def slow_direction(matrix: np.ndarray, column: int, row: int, width: int, height: int, focal: float) -> list[float]:
+    """One pixel in double precision: right, down, forward."""
+    right = (column + 0.5 - width / 2) / focal
+    down = (row + 0.5 - height / 2) / focal
+    d = [right * matrix[i, 0] - down * matrix[i, 1] - matrix[i, 2] for i in range(3)]
+    length = math.sqrt(sum(x * x for x in d))
+    return [x / length for x in d]
+
+
+@pytest.mark.parametrize("size", [(5, 5), (6, 4), (1, 3)])
+def test_rays_equal_a_loop_over_pixels(size: tuple[int, int]) -> None:
+    width, height = size
+    some = three_cameras(width, height)
+    assert len(some) == 3
+    for view, matrix in enumerate(POSES):
+        rays = some.all_rays(view)
+        assert len(rays) == width * height
+        expected = [
+            slow_direction(matrix, column, row, width, height, some.focal)
+            for row in range(height)
+            for column in range(width)
+        ]
+        np.testing.assert_allclose(rays.directions.numpy(), expected, atol=1e-6)
+        np.testing.assert_allclose(rays.origins.numpy(), np.tile(matrix[:3, 3], (len(rays), 1)), rtol=1e-6)
+        assert (rays.near, rays.far) == (2.0, 6.0)
+
+
+def test_directions_are_unit_and_pixels_may_be_of_several_views() -> None:
+    some = three_cameras(4, 4)
+    view, column, row = torch.tensor([0, 2, 1]), torch.tensor([3, 0, 1]), torch.tensor([0, 3, 2])
+    rays = some.rays(view, column, row)
+    np.testing.assert_allclose(rays.directions.norm(dim=-1).numpy(), 1.0, atol=1e-6)
+    for i in range(3):
+        alone = some.all_rays(int(view[i])).directions[int(row[i]) * 4 + int(column[i])]
+        assert torch.equal(rays.directions[i], alone)
+
+
+POSE = POSES[1]
+
+
+def camera(**changes: Any) -> Camera:
+    given = {"camera_to_world": POSE, "width": 8, "height": 6, "focal": 9.0, "near": 2.0, "far": 6.0}
+    return Camera(**{**given, **changes})
+
+
+def test_its_rays_are_those_of_the_views() -> None:
+    ours = camera().rays(CPU)
+    theirs = Cameras.of(POSES, 8, 6, 9.0, 2.0, 6.0).all_rays(1)
+    assert torch.equal(ours.origins, theirs.origins)
+    assert torch.equal(ours.directions, theirs.directions)
+    assert (ours.near, ours.far) == (2.0, 6.0)
+
+
+def test_resized_sees_the_same_between_the_same_corners() -> None:
+    lens = camera()
+    half, same = lens.resized(4), lens.resized(8)
+    assert (half.width, half.height, half.focal) == (4, 3, 4.5)
+    assert (same.width, same.height, same.focal) == (8, 6, 9.0)
+    assert half.width / half.focal == lens.width / lens.focal
+    assert (lens.resized(1).width, lens.resized(1).height) == (1, 1)
+    assert camera(width=100, height=1).resized(10).height == 1
+    np.testing.assert_array_equal(half.camera_to_world, POSE)
+
+
+def test_at_is_the_same_lens_elsewhere() -> None:
+    other = camera().at(POSES[2])
+    np.testing.assert_array_equal(other.camera_to_world, POSES[2])
+    assert (other.width, other.height, other.focal, other.near, other.far) == (8, 6, 9.0, 2.0, 6.0)
+
+
+def test_it_cannot_be_changed_from_outside() -> None:
+    pose = POSE.copy()
+    lens = camera(camera_to_world=pose)
+    pose[0, 0] = 7.0
+    np.testing.assert_array_equal(lens.camera_to_world, POSE)
+    with pytest.raises(ValueError, match="read-only"):
+        lens.camera_to_world[0, 0] = 7.0
+    with pytest.raises(FrozenInstanceError):
+        lens.width = 9  # type: ignore[misc]
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"camera_to_world": np.eye(3)}, "4 × 4"), ({"camera_to_world": np.full((4, 4), np.nan)}, "finite"),
+        ({"width": 0}, "0 × 6"), ({"height": -1}, "8 × -1"), ({"focal": 0.0}, "focal length 0.0"),
+        ({"focal": math.nan}, "focal length nan"), ({"focal": math.inf}, "focal length inf"),
+        ({"near": -1.0}, "near -1.0"), ({"near": 6.0}, "near 6.0"), ({"near": math.nan}, "near nan"),
+        ({"far": math.inf}, "far inf"),
+    ],
+)  # fmt: skip
+def test_what_no_picture_can_be_taken_with_is_refused(changes: dict[str, Any], said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        camera(**changes)

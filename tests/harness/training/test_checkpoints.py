@@ -11,14 +11,8 @@ import pytest
 import torch
 from safetensors.torch import load_file, save_file
 
-from harness.training.checkpoints import (
-    OCCUPIED,
-    checkpoint_path,
-    load_checkpoint,
-    save_checkpoint,
-    tensors_of,
-    weights_digest,
-)
+from harness.training import checkpoints
+from harness.training.checkpoints import OCCUPIED, load_checkpoint, save_checkpoint, weights_digest
 from harness.training.learner import Job, Learner
 from scenes.files.errors import InputError
 from tests.harness.tiny import TRAIN, rays_and_colours, train, trainer
@@ -49,13 +43,13 @@ def fresh(like: Any) -> Any:
 @pytest.mark.parametrize("case", CASES)
 def test_what_is_loaded_is_what_was_saved(case: str, tmp_path: Path) -> None:
     before = CASES[case]()
-    path = checkpoint_path(tmp_path, "ball", before.method, 0)
+    path = checkpoints.checkpoint_path(tmp_path, "ball", before.method, 0)
     save_checkpoint(before, path)
     assert [file.name for file in path.parent.iterdir()] == [f"ball.{before.method}.0.safetensors"]
     after = fresh(before)
     assert weights_digest(after) != weights_digest(before)
     load_checkpoint(after, path, before.step)
-    ours, theirs = tensors_of(after), tensors_of(before)
+    ours, theirs = checkpoints.tensors_of(after), checkpoints.tensors_of(before)
     assert list(ours) == list(theirs)
     for name in ours:
         assert torch.equal(ours[name], theirs[name])

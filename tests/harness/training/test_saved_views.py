@@ -131,9 +131,7 @@ def test_light_over_white_is_not_clipped_and_averages_areas(ball: ViewSet, tmp_p
         linear_over_white(views, "test/r_0")
 
 
-def test_a_perfect_picture_has_no_error_in_linear_light_but_where_it_is_brighter_than_white(
-    ball: ViewSet, tmp_path: Path
-) -> None:
+def test_a_perfect_picture_has_no_error_in_linear_light_but_above_white(ball: ViewSet, tmp_path: Path) -> None:
     """Black that covers half a pixel is 0.5 in display colour over white, which is 0.214 of light."""
     alpha = np.random.default_rng(0).uniform(0, 1, (8, 8, 1)).astype(np.float32)
     colour = np.random.default_rng(1).uniform(0, 1, (8, 8, 3)).astype(np.float32)

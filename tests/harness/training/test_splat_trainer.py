@@ -72,9 +72,7 @@ def test_moments_of_what_moved_begin_again_and_there_are_never_more_than_may_be(
 
 
 @pytest.mark.parametrize("where", ["gradient", "loss", "step"])
-def test_a_number_that_is_not_finite_ends_it_with_the_gaussians_of_before(
-    where: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_is_not_finite_ends_it_with_the_gaussians_of_before(where: str, monkeypatch: pytest.MonkeyPatch) -> None:
     learner = train(trainer(), batch_at(), at_step(3))
     before = learner.field.values.clone()
     rays, colours, *_ = batch_at()(3)

@@ -24,8 +24,8 @@ from harness.training.lockstep import train_group
 from scenes.files.errors import DamagedRecord
 from scenes.view_sets.view_set import ViewSet
 from tests.harness import tiny
+from tests.harness.cells import without_time
 from tests.harness.tiny import BUDGET, SCORE
-from tests.harness.training.test_lockstep import without_time
 
 TRAIN = replace(tiny.TRAIN, clip_ratio=0.9)
 """Half of the gradients are clipped, by what was usual before."""
@@ -122,9 +122,7 @@ def test_its_clocks_go_on_from_where_they_stood(ball: ViewSet, stopped: Path) ->
         ({"origin": {**ORIGIN, "sources": "another"}}, "this program"),
     ],
 )
-def test_other_settings_and_other_code_begin_again(
-    ball: ViewSet, stopped: Path, changes: dict[str, Any], why: str
-) -> None:
+def test_other_settings_or_code_begin_again(ball: ViewSet, stopped: Path, changes: dict[str, Any], why: str) -> None:
     _, notices = train(ball, stopped, until=0.0, **changes)
     assert notices[0] == f"ball, nerf, seed 0: trained from the start, as {why} changed since its snapshot"
     assert read_unfinished(unfinished_path(stopped, "ball", "nerf", 0)).listing["step"] == 1
@@ -220,9 +218,7 @@ def test_prefixes_are_whole_words() -> None:
 
 
 @pytest.mark.parametrize("kept", [False, True])
-def test_its_folder_goes_with_the_last_of_them_whoever_trains(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kept: bool
-) -> None:
+def test_its_folder_goes_with_the_last_of_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kept: bool) -> None:
     monkeypatch.setattr(run, "run_groups", lambda *_: iter(()))
     path = unfinished_path(tmp_path, "lego", "nerf", 0)
     path.parent.mkdir()

@@ -9,16 +9,9 @@ from msgspec.structs import replace
 from harness.records.cells import CellRecord, Comparison, empty_cell
 from harness.records.metric_table import METRICS
 from harness.records.verdict import OPEN, Verdict
-from harness.verdicts.comparisons import (
-    OPTIONAL,
-    budgets_of,
-    compare,
-    differences,
-    family_of,
-    judged,
-    keyed,
-    score_on_curve,
-)
+from harness.verdicts import comparisons
+from harness.verdicts.comparisons import budgets_of, compare, differences, keyed
+from harness.verdicts.statistics import LEVEL, critical, scenes_like_these
 from tests.harness.cells import cell, checkpoint, diverged, with_core_seconds
 
 DUEL = ["nerf", "qnerf"]
@@ -136,12 +129,10 @@ def test_a_robust_mean_stands_next_to_each_and_a_bad_cell_is_named() -> None:
 def test_families_are_the_declared_ones() -> None:
     rows = compare(planted({scene: [1.0, 2.0] for scene in "abc"}), DUEL)
     families = {(row.metric, row.scene): row.family for row in rows}
-    others = len(METRICS) - 1 - len(OPTIONAL)
-    assert (families["psnr", "all"], families["psnr", "b"]) == (2, 3), (
-        "of the headline: at equal steps and at equal time"
-    )
+    others = len(METRICS) - 1 - len(comparisons.OPTIONAL)
+    assert (families["psnr", "all"], families["psnr", "b"]) == (2, 3), "of the headline: at equal steps and time"
     assert (families["ssim", "all"], families["ssim", "b"]) == (others, 3 * others)
-    assert family_of("psnr", "all", 8, 1) == family_of("ssim", "all", 8, 2) == 1
+    assert comparisons.family_of("psnr", "all", 8, 1) == comparisons.family_of("ssim", "all", 8, 2) == 1
 
 
 def test_metrics_of_bright_scenes_are_compared_on_those_alone() -> None:
@@ -150,10 +141,8 @@ def test_metrics_of_bright_scenes_are_compared_on_those_alone() -> None:
 
     cells = [bright(quick(method, seed, 20.0, scene)) for method in DUEL for scene in "abc" for seed in range(3)]
     rows = [row for row in compare(cells, DUEL) if row.metric == "smape"]
-    assert [(row.scene, row.budget, row.pairs, row.unpaired) for row in rows] == [
-        ("all", "steps", 3, 0),
-        ("b", "steps", 3, 0),
-    ]
+    assert [(row.scene, row.budget) for row in rows] == [("all", "steps"), ("b", "steps")]
+    assert all((row.pairs, row.unpaired) == (3, 0) for row in rows)
     assert rows[1].family == len(METRICS) - 1
 
 
@@ -164,7 +153,7 @@ def test_pairs_of_the_same_seed_stand_in_the_same_column() -> None:
     table = differences(*keyed(cells), "qnerf", "nerf", "psnr", "steps")
     np.testing.assert_array_equal(table["a"], [1.0, math.nan, 3.0])
     np.testing.assert_array_equal(table["b"], [math.nan, math.nan, 5.0])
-    judgement = judged(table, "psnr", 1)
+    judgement = comparisons.judged(table, "psnr", 1)
     assert (judgement.difference, judgement.pairs, judgement.unpaired) == (3.5, 3, 3)
 
 
@@ -192,7 +181,7 @@ def test_everybody_stands_against_the_first_method_and_against_the_bandwidth_con
 def test_every_metric_is_compared_at_equal_steps_and_those_of_the_curve_at_equal_time() -> None:
     cells = [quick("nerf", 0, 20.0), quick("qnerf", 0, 21.0)]
     rows = compare(cells, DUEL)
-    assert {row.metric for row in rows if row.budget == "steps"} == set(METRICS) - set(OPTIONAL)
+    assert {row.metric for row in rows if row.budget == "steps"} == set(METRICS) - set(comparisons.OPTIONAL)
     assert {row.metric for row in rows if row.budget == "seconds"} == {"psnr"}, "all that an older record has there"
     assert {row.scene for row in rows} == {"lego", "all"}
     by_all = [replace(one, curve=[replace(point, delta_e=2.0) for point in one.curve]) for one in cells]
@@ -273,11 +262,11 @@ def test_scores_between_checkpoints_are_linear_in_log_time() -> None:
     curve = [checkpoint(1, 1.0, 10.0), checkpoint(2, 10.0, 20.0), checkpoint(3, 1000.0, 24.0)]
     scored = cell("a", "nerf", 0, curve, scores={"flip": 0.2})
     times = {0.5: None, 1.0: 10.0, math.sqrt(10): 15.0, 100.0: 22.0, 1000.0: 24.0}
-    assert {at: score_on_curve(scored, "psnr", "seconds", at) for at in times} == pytest.approx(times)
+    assert {at: comparisons.score_on_curve(scored, "psnr", "seconds", at) for at in times} == pytest.approx(times)
     bridged = replace(scored, curve=[curve[0], checkpoint(2, 10.0, None), checkpoint(3, 100.0, 20.0)])
-    assert score_on_curve(bridged, "psnr", "seconds", 10.0) == pytest.approx(15.0)
-    assert score_on_curve(bridged, "ssim", "seconds", 10.0) is None
-    assert score_on_curve(scored, "flip", "steps", 1.0) is None, "a metric of the end alone is on no curve"
+    assert comparisons.score_on_curve(bridged, "psnr", "seconds", 10.0) == pytest.approx(15.0)
+    assert comparisons.score_on_curve(bridged, "ssim", "seconds", 10.0) is None
+    assert comparisons.score_on_curve(scored, "flip", "steps", 1.0) is None, "a metric of the end alone is on no curve"
 
 
 def test_a_method_that_ended_before_the_other_was_first_scored_cannot_be_compared_at_equal_time() -> None:
@@ -297,3 +286,67 @@ def test_after_a_budget_of_seconds_equal_steps_are_those_that_both_have_done() -
     assert of(rows, scene="a", metric="psnr", budget="seconds").difference == -4.0
     # a metric that is scored at the end alone has no value at equal steps
     assert of(rows, scene="a", metric="flip", budget="steps").difference is None
+
+
+# the family of the headline: sign and interval never contradict each other
+
+METHODS = ["nerf", "nerf_matched", "qnerf"]
+
+
+def run(scores: np.ndarray, cores: bool = True) -> list[CellRecord]:
+    """Return cells with scores [methods, scenes, seeds], which train equally fast."""
+    cells = [
+        cell(str(scene), method, seed, [checkpoint(10, 5.0, 18.0), checkpoint(100, 10.0, float(value))])
+        for method, table in zip(METHODS, scores, strict=True)
+        for scene, row in enumerate(table)
+        for seed, value in enumerate(row)
+    ]
+    return [with_core_seconds(one, 1.0) for one in cells] if cores else cells
+
+
+def drawn(shift: float, scale: float = 0.1, seed: int = 0) -> np.ndarray:
+    scores = 25 + np.random.default_rng(seed).normal(0, scale, (3, 8, 3))
+    scores[2] += shift
+    return scores
+
+
+def headline(cells: list[CellRecord]) -> list[Comparison]:
+    return [row for row in compare(cells, METHODS) if (row.scene, row.metric) == ("all", "psnr")]
+
+
+def test_the_family_is_every_pair_at_equal_steps_and_equal_core_seconds() -> None:
+    families = {(row.budget, row.family) for row in headline(run(drawn(0.1)))}
+    assert families == {("steps", 6), ("core_seconds", 6), ("seconds", 1)}
+    assert {row.family for row in headline(run(drawn(0.1), cores=False))} == {6}, "seconds, where no others are counted"
+
+
+def test_signs_are_holms_and_sizes_bonferronis() -> None:
+    """Four of six members are almost certain; Holm tests the other two at 2.5 % each, Bonferroni at 0.8 %."""
+    scores = drawn(2.0)
+    difference = np.random.default_rng(1).normal(0.0, 0.1, 8)
+    difference = (difference - difference.mean()) / difference.std(ddof=1)
+    error = 1 / 8**0.5
+    wanted = (critical(7.0, 2) + critical(7.0, 6)) / 2 * error
+    scores[1] = scores[0] + (difference + wanted)[:, None] * 0.1
+    rows = {(row.method, row.against, row.budget): row for row in headline(run(scores))}
+    row = rows["nerf_matched", "nerf", "steps"]
+    like = row.scenes_like_these
+    table = {str(scene): scores[1, scene] - scores[0, scene] for scene in range(8)}
+    alone = scenes_like_these(table, 6)
+    assert alone.simultaneous[0] < 0, "Bonferroni leaves the sign open"
+    assert like.p_adjusted == pytest.approx(2 * like.p)
+    assert (like.verdict.sign, like.simultaneous) == ("above 0", (0.0, pytest.approx(alone.simultaneous[1])))
+    assert (row.verdict, row.simultaneous) == (like.verdict, like.simultaneous), "the row repeats it"
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_sign_and_interval_never_contradict_each_other(seed: int) -> None:
+    shift, scale = np.random.default_rng(seed).uniform((0.0, 0.02), (0.4, 0.4))
+    for row in headline(run(drawn(shift, scale, seed))):
+        for known in (row.on_these_scenes, row.scenes_like_these):
+            low, high = known.simultaneous
+            sign = {"above 0": low >= 0, "below 0": high <= 0, "open": low <= 0 <= high}
+            assert sign[known.verdict.sign]
+            assert (known.verdict.sign == "open") == (known.p_adjusted > LEVEL)
+            if known.verdict.size == "matters":
+                assert known.verdict.sign != "open"

@@ -9,22 +9,9 @@ from scipy.stats import nct, ttest_ind
 from scipy.stats import t as student
 
 from harness.records.verdict import OPEN, Size, Verdict
+from harness.verdicts import statistics
 from harness.verdicts.estimates import nested
-from harness.verdicts.statistics import (
-    POWER,
-    PairedDifference,
-    critical,
-    half_widths,
-    on_one_scene,
-    on_these_scenes,
-    p_values,
-    paired_difference,
-    rounded_down,
-    scenes_like_these,
-    share_found,
-    shift_found,
-    verdict,
-)
+from harness.verdicts.statistics import PairedDifference, on_these_scenes, paired_difference, scenes_like_these, verdict
 
 Table = dict[str, np.ndarray]
 
@@ -66,11 +53,12 @@ def test_the_difference_that_is_printed_for_the_true_spread_is_found_in_80_perce
 @pytest.mark.parametrize("family", [1, 8, 48, 1000])
 @pytest.mark.parametrize("freedom", [1.0, 1.3, 2.0, 7.0, 23.0, 999.0])
 def test_what_is_found_is_the_noncentral_t_distributions_tail(freedom: float, family: int) -> None:
-    threshold = critical(freedom, family)
-    shift = shift_found(threshold, freedom)
+    threshold = statistics.critical(freedom, family)
+    shift = statistics.shift_found(threshold, freedom)
     assert nct.sf(threshold, freedom, shift) == pytest.approx(0.80, abs=1e-4)
     for other in (0.3 * shift, 0.8 * shift, 1.5 * shift):
-        assert share_found(other, threshold, freedom) == pytest.approx(nct.sf(threshold, freedom, other), abs=1e-4)
+        exact = nct.sf(threshold, freedom, other)
+        assert statistics.share_found(other, threshold, freedom) == pytest.approx(exact, abs=1e-4)
 
 
 def of_spread_1(units: int) -> np.ndarray:
@@ -86,7 +74,7 @@ def test_the_interval_is_students() -> None:
     assert result.interval == result.simultaneous == of_eight.interval == pytest.approx((2 - half, 2 + half), rel=1e-6)
     half = 12.590 / math.sqrt(3)  # at 1 − 0.025 / 8
     assert of_eight.simultaneous == pytest.approx((2 - half, 2 + half), rel=1e-3)
-    assert critical(2, 1) < critical(2, 2) < critical(2, 8)
+    assert statistics.critical(2, 1) < statistics.critical(2, 2) < statistics.critical(2, 8)
     # noncentral by 5.653489, t is beyond 4.302653 in 80 %
     assert result.smallest_detectable == pytest.approx(5.653489 / math.sqrt(3), rel=1e-5)
     wider = paired_difference(10 * values)
@@ -151,19 +139,17 @@ def test_scenes_like_these_are_students_t_over_their_means() -> None:
     few, many = ({"a": np.full(seeds, 1.0), "b": np.full(seeds, 4.0)} for seeds in (1, 50))
     assert scenes_like_these(many) == scenes_like_these(few), "more seeds do not count as more scenes"
     # one seed each knows nothing of seeds
-    assert (on_these_scenes(few).interval, on_one_scene(few["a"]).interval) == (None, None)
+    assert (on_these_scenes(few).interval, statistics.on_one_scene(few["a"]).interval) == (None, None)
 
 
 def test_one_scene_alone_is_students_t() -> None:
     values = np.array([1.0, 3.0, 2.0])
     expected = paired_difference(values, 4)
-    for result in (
-        on_one_scene(np.append(math.nan, values), 4),
-        on_these_scenes({"a": np.append(values, math.nan)}, 4),
-    ):
-        assert result.interval == pytest.approx(expected.interval)
-        assert result.simultaneous == pytest.approx(expected.simultaneous)
-        assert (result.freedom, result.effect) == (2.0, pytest.approx(2.0))
+    alone = statistics.on_one_scene(np.append(math.nan, values), 4)
+    for found in (alone, on_these_scenes({"a": np.append(values, math.nan)}, 4)):
+        assert found.interval == pytest.approx(expected.interval)
+        assert found.simultaneous == pytest.approx(expected.simultaneous)
+        assert (found.freedom, found.effect) == (2.0, pytest.approx(2.0))
 
 
 @pytest.mark.parametrize("spread_of_scenes", [0.0, 2.0])
@@ -190,10 +176,10 @@ def test_eight_scenes_find_an_effect_of_the_size_that_they_print(estimate: Calla
 
 @pytest.mark.parametrize(("freedom", "family"), [(1.0, 200), (2.5, 9), (1e6, 1), (math.inf, 3)])
 def test_what_can_be_detected_is_found_for_all_degrees_of_freedom(freedom: float, family: int) -> None:
-    kept = float(rounded_down(freedom))
-    threshold = critical(kept, family)
-    shift = shift_found(threshold, kept)
-    assert share_found(shift, threshold, kept) == pytest.approx(POWER, abs=1e-6)
+    kept = float(statistics.rounded_down(freedom))
+    threshold = statistics.critical(kept, family)
+    shift = statistics.shift_found(threshold, kept)
+    assert statistics.share_found(shift, threshold, kept) == pytest.approx(statistics.POWER, abs=1e-6)
 
 
 def test_the_freedom_on_these_scenes_is_satterthwaites() -> None:
@@ -227,7 +213,7 @@ def test_a_scene_without_any_difference_is_no_part() -> None:
     result = on_these_scenes(table)
     assert result.units == 7
     assert result.mean == pytest.approx(np.mean([row.mean() for scene, row in table.items() if scene != "5"]))
-    for wrong in (lambda: on_one_scene(table["5"]), lambda: on_these_scenes({"5": table["5"]})):
+    for wrong in (lambda: statistics.on_one_scene(table["5"]), lambda: on_these_scenes({"5": table["5"]})):
         with pytest.raises(ValueError, match=r"no.* difference|not empty"):
             wrong()
 
@@ -237,7 +223,7 @@ def test_the_p_value_is_that_of_the_interval() -> None:
     values = np.random.default_rng(6).normal(0.5, 1.0, (200, 6, 3)) * np.linspace(0.2, 3.0, 6)[:, None]
     for name in ("on_these_scenes", "scenes_like_these"):
         many = getattr(nested, name)(values)
-        p, halves = p_values(many), half_widths(many)
+        p, halves = statistics.p_values(many), statistics.half_widths(many)
         assert ((p < 0.05) == (np.abs(many.mean) > halves)).all()
         for place in range(5):
             table = {str(scene): row for scene, row in enumerate(values[place])}

@@ -1,5 +1,6 @@
 """Times to a target agree with hand-written curves, a slow Kaplan–Meier, and simulated runs of known truth."""
 
+import json
 import math
 from pathlib import Path
 
@@ -8,13 +9,14 @@ import pytest
 from msgspec.structs import replace
 from scipy.stats import norm
 
-from harness.records.cells import USUAL, CellRecord
+from harness.records.cells import USUAL, CellRecord, records_folder
 from harness.records.claims import ClaimFile
-from harness.records.targets import Reach, TargetComparison, read_targets, write_targets
+from harness.records.targets import TARGETS_FILE, Reach, TargetComparison, read_targets, write_targets
 from harness.records.verdict import OPEN, Verdict
 from harness.verdicts.estimates import nested
 from harness.verdicts.statistics import half_widths
 from harness.verdicts.survival import chosen_target, compared, first_reached, kaplan_meier, reach, targets
+from scenes.files.errors import DamagedRecord
 from tests.harness.cells import cell, checkpoint, diverged, with_core_seconds
 
 THIRTY = ClaimFile(id="theirs", title="Their paper", methods=("qnerf",), claims=(), target=30.0)
@@ -63,15 +65,10 @@ def test_core_seconds_are_an_axis_where_every_run_has_counted_them() -> None:
 @pytest.mark.parametrize(
     ("best", "target"),
     [
-        ([31.0, 30.0, 20.0, 20.0], 30.0),
-        ([31.0, 29.9, 20.0, 20.0], 29.0),
-        ([25.7, 24.2, 23.9], 24.0),
-        ([24.0], 24.0),
-        ([24.0, None], 24.0),
-        ([24.0, None, None], None),
-        ([], None),
+        ([31.0, 30.0, 20.0, 20.0], 30.0), ([31.0, 29.9, 20.0, 20.0], 29.0), ([25.7, 24.2, 23.9], 24.0),
+        ([24.0], 24.0), ([24.0, None], 24.0), ([24.0, None, None], None), ([], None),
     ],
-)
+)  # fmt: skip
 def test_the_target_is_what_half_of_the_baseline_reaches(best: list[float | None], target: float | None) -> None:
     runs = [diverged("lego", "nerf", k) if b is None else run("nerf", k, [10.0, b]) for k, b in enumerate(best)]
     result, why = chosen_target(runs, "nerf", THIRTY)
@@ -304,5 +301,13 @@ def test_the_record_of_a_run_is_complete_and_can_be_written(tmp_path: Path) -> N
         assert 0 <= curve.share[-1] <= 1
     write_targets(tmp_path, record)
     assert read_targets(tmp_path) == record
+    assert read_targets(tmp_path / "older") is None
+    found = record.comparison("scene1", "qnerf", "nerf", "seconds")
+    assert (found.scene, found.axis) == ("scene1", "seconds")
+    assert record.comparison("ship", "qnerf", "nerf", "steps") is None
+    path = records_folder(tmp_path) / TARGETS_FILE
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"comparisons": [{"scene": "all"}]}))
+    with pytest.raises(DamagedRecord, match=r"targets\.json"):
+        read_targets(tmp_path)
     nothing = targets([diverged("lego", "nerf", 0)], ["nerf", "qnerf"])
     assert (nothing.target, nothing.reaches, nothing.comparisons) == (None, [], [])

@@ -48,13 +48,11 @@ class Site:
     def address(self) -> str:
         return f"http://127.0.0.1:{self.port}/"
 
-    def ask(
-        self, method: str, path: str, body: bytes | None = None, **headers: str
-    ) -> tuple[int, dict[str, str], bytes]:
+    def ask(self, verb: str, path: str, body: bytes | None = None, **headers: str) -> tuple[int, dict[str, str], bytes]:
         """Return status, headers and body; names of `headers` have `_` for `-`."""
         line = http.client.HTTPConnection("127.0.0.1", self.port, timeout=60)
         try:
-            line.request(method, path, body, {name.replace("_", "-"): value for name, value in headers.items()})
+            line.request(verb, path, body, {name.replace("_", "-"): value for name, value in headers.items()})
             answer = line.getresponse()
             return answer.status, {name.lower(): value for name, value in answer.getheaders()}, answer.read()
         finally:

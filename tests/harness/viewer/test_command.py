@@ -21,20 +21,15 @@ def said(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> str:
 @pytest.mark.parametrize(
     ("options", "what"),
     [
-        (["--scene", "nothing"], "--scene: unknown 'nothing'"),
-        (["--methods", "nothing"], "nothing"),
+        (["--scene", "nothing"], "--scene: unknown 'nothing'"), (["--methods", "nothing"], "nothing"),
         (["--methods", "nerf_matched"], "no checkpoint of nerf_matched with seed 0 on ball"),
-        (["--seed", "1"], "--seed 1: the run has 0"),
-        (["--port", "70000"], "--port 70000"),
-        (["--threads", "0"], "--threads 0"),
-        (["--resolution", "100000"], "--resolution 100000"),
+        (["--seed", "1"], "--seed 1: the run has 0"), (["--port", "70000"], "--port 70000"),
+        (["--threads", "0"], "--threads 0"), (["--resolution", "100000"], "--resolution 100000"),
         (["--host", "203.0.113.9", "--port", "0"], "not an address of this machine"),
         (["--host", "no such host", "--port", "0"], "no such host"),
     ],
-)
-def test_what_cannot_be_shown_is_said(
-    options: list[str], what: str, out: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+)  # fmt: skip
+def test_what_cannot_be_shown(options: list[str], what: str, out: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert what in said(capsys, out, *options)
 
 

@@ -40,9 +40,7 @@ def of(shown: list[FreshPixels], method: str) -> list[FreshPixels]:
 
 
 @pytest.mark.parametrize("kind", ["foveal", "point", "gradients", "error", "none"])
-def test_a_view_is_coarse_then_refined_pixel_by_pixel_and_whole(
-    seats: list[MethodView], camera: Camera, kind: str
-) -> None:
+def test_a_view_is_coarse_then_refined_by_pixels_and_whole(seats: list[MethodView], camera: Camera, kind: str) -> None:
     shown = list(frames(seats, camera, Attention(kind)))
     for method in ("nerf", "qnerf"):
         first, *parts, last = of(shown, method)

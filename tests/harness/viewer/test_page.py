@@ -12,12 +12,55 @@ import torch
 from harness.viewer import engine
 from harness.viewer.requests import Orbit
 from harness.viewer.shown_run import ShownRun
-from tests.harness.viewer.looking import Looking
 from tests.harness.viewer.site import Site, served
 from tests.harness.viewer.small_run import HOSTILE, add_second_scene
 from tests.reports.browsing import until
 
 pytestmark = pytest.mark.slow
+
+
+class Looking:
+    """A page, its complaints, and its requests to other machines."""
+
+    def __init__(self, browser: Any, site: Site, **context: Any) -> None:
+        self.page = browser.new_context(**context).new_page()
+        self.noise: list[str] = []
+        self.page.on("console", lambda message: self.noise.append(message.text))
+        self.page.on("pageerror", lambda error: self.noise.append(str(error)))
+        self.page.route("**/*", lambda route: self._let(route, site))
+        self.page.goto(site.address)
+        self.ended()
+
+    def _let(self, route: Any, site: Site) -> None:
+        if route.request.url.startswith(site.address):
+            route.continue_()
+        else:
+            self.noise.append(route.request.url)
+            route.abort()
+
+    def ended(self, generation: int = 0) -> int:
+        """Wait for the end of a render after `generation`; returns the number of that render."""
+        self.page.wait_for_selector("body[data-ended]", state="attached", timeout=60_000)
+        while (ended := int(self.page.get_attribute("body", "data-ended"))) <= generation:
+            self.page.wait_for_timeout(30)
+        self.page.wait_for_timeout(60)  # what was drawn last is on the canvas
+        return ended
+
+    def after(self, act: Any) -> None:
+        before = int(self.page.get_attribute("body", "data-ended"))
+        act()
+        self.ended(before)
+
+    def picture(self, method: str) -> list[int]:
+        return self.page.locator(f"figure[data-method={method}] canvas").evaluate(
+            "canvas => [...canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data]"
+        )
+
+    def figure(self, method: str, key: str) -> str:
+        return self.page.locator(f"figure[data-method={method}] dd[data-key={key}]").inner_text()
+
+    def data(self, method: str, name: str) -> str | None:
+        return self.page.locator(f"figure[data-method={method}]").get_attribute(f"data-{name}")
 
 
 @pytest.fixture
@@ -100,9 +143,7 @@ def test_markup_in_names_is_text(browser: Any, site: Site) -> None:
     assert look.noise == []
 
 
-def test_methods_are_loaded_when_they_are_chosen_and_one_that_cannot_be_shown_says_why(
-    browser: Any, site: Site
-) -> None:
+def test_methods_are_loaded_when_chosen_and_one_that_cannot_be_shown_says_why(browser: Any, site: Site) -> None:
     look = Looking(browser, site)
     look.after(lambda: look.page.locator("input[value=nerf_matched]").check())
     assert look.data("nerf_matched", "state") == "failed"
@@ -136,9 +177,7 @@ def nearest(scene: dict[str, Any], place: dict[str, Any]) -> tuple[int, float]:
 
 
 @pytest.mark.parametrize("methods", [True, False])
-def test_the_nearest_view_is_that_of_the_camera_with_and_without_methods(
-    browser: Any, two: Site, methods: bool
-) -> None:
+def test_the_nearest_view_is_that_of_the_camera_with_or_without_methods(browser: Any, two: Site, methods: bool) -> None:
     look = Looking(browser, two)
     scene = two.json("/scene.json?scene=ball")
     place = {name: scene["views"][0][name] for name in ("azimuth", "elevation", "distance", "target")}
@@ -158,9 +197,7 @@ def test_the_nearest_view_is_that_of_the_camera_with_and_without_methods(
     assert look.noise == []
 
 
-def test_the_former_scene_is_not_shown_under_the_new_one_s_title(
-    browser: Any, two: Site, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_former_scene_never_has_the_new_title(browser: Any, two: Site, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever of it arrives late."""
     look = Looking(browser, two)
     refine = engine.refine

@@ -50,21 +50,13 @@ def test_this_machine_s_own_names_are_fine(site: Site, host: str) -> None:
 @pytest.mark.parametrize(
     ("method", "path", "status"),
     [
-        ("GET", "/nothing", 404),
-        ("GET", "/../options.py", 404),
-        ("GET", "/page/viewer.js", 404),
-        ("GET", "/render", 405),
-        ("PUT", "/render", 405),
-        ("OPTIONS", "/render", 405),
-        ("GET", "/scene.json", 400),
-        ("GET", "/scene.json?scene=..%2F..", 400),
-        ("GET", "/truth?scene=ball", 400),
-        ("GET", "/truth?scene=ball&view=3", 400),
-        ("GET", "/truth?scene=ball&view=99999999", 400),
-        ("GET", "/truth?scene=ball&view=%D9%A1", 400),
-        ("GET", "/truth?scene=nothing&view=0", 400),
+        ("GET", "/nothing", 404), ("GET", "/../options.py", 404), ("GET", "/page/viewer.js", 404),
+        ("GET", "/render", 405), ("PUT", "/render", 405), ("OPTIONS", "/render", 405), ("GET", "/scene.json", 400),
+        ("GET", "/scene.json?scene=..%2F..", 400), ("GET", "/truth?scene=ball", 400),
+        ("GET", "/truth?scene=ball&view=3", 400), ("GET", "/truth?scene=ball&view=99999999", 400),
+        ("GET", "/truth?scene=ball&view=%D9%A1", 400), ("GET", "/truth?scene=nothing&view=0", 400),
     ],
-)
+)  # fmt: skip
 def test_there_is_nothing_else(site: Site, method: str, path: str, status: int) -> None:
     answered, headers, body = site.ask(method, path)
     assert answered == status
@@ -73,27 +65,17 @@ def test_there_is_nothing_else(site: Site, method: str, path: str, status: int) 
 
 
 BAD: list[tuple[dict[str, Any], str]] = [
-    ({"scene": "<b>"}, "scene"),
-    ({"methods": ["nerf", "nothing"]}, "methods"),
-    ({"methods": []}, "methods"),
-    ({"methods": ["nerf", "nerf"]}, "methods"),
-    ({"methods": [str(i) for i in range(9)]}, "methods"),
-    ({"place": {"view": 3}}, "view"),
-    ({"place": {"view": -1}}, "place"),
-    ({"place": {"view": 0.5}}, "place"),
+    ({"scene": "<b>"}, "scene"), ({"methods": ["nerf", "nothing"]}, "methods"), ({"methods": []}, "methods"),
+    ({"methods": ["nerf", "nerf"]}, "methods"), ({"methods": [str(i) for i in range(9)]}, "methods"),
+    ({"place": {"view": 3}}, "view"), ({"place": {"view": -1}}, "place"), ({"place": {"view": 0.5}}, "place"),
     ({"place": {**ORBIT, "azimuth": float("nan")}}, "NaN"),
-    ({"place": {**ORBIT, "distance": float("inf")}}, "Infinity"),
-    ({"place": {**ORBIT, "distance": 0}}, "distance"),
-    ({"place": {**ORBIT, "target": [0, 0]}}, "target"),
-    ({"place": {**ORBIT, "roll": 0}}, "place"),
-    ({"width": 10**6}, "width"),
-    ({"width": 0}, "width"),
-    ({"generation": -1}, "generation"),
-    ({"client": "x" * 500}, "client"),
-    ({"more": 1}, "more"),
+    ({"place": {**ORBIT, "distance": float("inf")}}, "Infinity"), ({"place": {**ORBIT, "distance": 0}}, "distance"),
+    ({"place": {**ORBIT, "target": [0, 0]}}, "target"), ({"place": {**ORBIT, "roll": 0}}, "place"),
+    ({"width": 10**6}, "width"), ({"width": 0}, "width"), ({"generation": -1}, "generation"),
+    ({"client": "x" * 500}, "client"), ({"more": 1}, "more"),
     ({"attention": {"kind": "all", "row": 0, "column": 0}}, "kind"),
     ({"attention": {"kind": "point", "row": 2, "column": 0}}, "row"),
-]
+]  # fmt: skip
 
 
 NO_JSON = (b"", b"[1", b"\xff", b"[" * 4000)

@@ -4,23 +4,29 @@ import pytest
 
 from harness.records.cells import Estimate
 from harness.records.claims import QUANTITIES
+from harness.records.study import Studies
 from harness.records.verdict import OPEN
 from reports.claims.claim_list import KINDS, RULES, claims, tally
-from reports.claims.ledger import OWN_FIGURES
+from reports.claims.ledger import OWN_FIGURES, Claim
 from reports.claims.scores import NEEDS_PAPER
 from reports.claims.table import chapters, claims_grid, folds, in_a_sentence
 from reports.data.load import Records
 from reports.data.scale import in_a_line, is_at_scale, scenes_at_scale, standing
 from reports.data.selection import Selection
+from reports.data.shelf_records import ShelfRecords
 from reports.data.wording import UNTESTED, VERDICTS
 from tests.replacing import replace
-from tests.reports.claims.claimed import claimed
 from tests.reports.fake_run import EIGHT, PAPER, fake_records
 
 RANGE, AVERAGE = "abstract-psnr-range", "table2-average"
 LEDGER = PAPER.claims
 GAINS = {scene: row["delta"] for scene, row in PAPER.psnr.items()}
 LOST = {"difference": None, "on_these_scenes": None, "pairs": 0}
+
+
+def claimed(records: Records, evidence: Studies | None = None, serving: Studies | None = None) -> dict[str, Claim]:
+    """Map the id of a claim → the claim as judged on `records` with these studies."""
+    return {claim.id: claim for claim in claims(records, ShelfRecords(evidence=evidence, serving=serving))}
 
 
 def measured(difference: float, half: float, effect: float | None = 4.0, **changes) -> dict:
@@ -97,12 +103,7 @@ def test_a_toy_run_certifies_and_refutes_nothing_despite_the_names_of_its_scenes
     [
         ({}, "reproduced", "reproduced", f"reproduced: {', '.join(EIGHT[:-1])} and ship"),
         ({"ship": measured(0.9, 0.1)}, "reproduced", "not reproduced", "not reproduced: ship"),
-        (
-            {"ship": measured(1.5, 0.62, effect=1.5 / 0.248)},
-            "reproduced",
-            "inconclusive",
-            "inconclusive: ship; about 18 seeds would settle the open ones",
-        ),
+        ({"ship": measured(1.5, 0.62, effect=1.5 / 0.248)}, "reproduced", "inconclusive", "ship; about 18 seeds would"),
         ({"ship": measured(0.0, 0.01, pairs=2)}, "reproduced", "inconclusive", "inconclusive: ship"),
         ({"ship": {**LOST, "unpaired": 3}}, "seen", "inconclusive", "; 7 of 8 rows"),
     ],
@@ -121,12 +122,7 @@ def test_an_open_average_has_the_number_of_seeds_that_would_settle_it(printed: R
 
 @pytest.mark.parametrize(
     "changes",
-    [
-        {"width": 400, "height": 400},
-        {"rendered": {"spp": 256}},
-        {"views": {"train": 100, "val": 0, "test": 25}},
-        {"name": "bathroom"},
-    ],
+    [{"width": 400}, {"rendered": {"spp": 256}}, {"views": {"train": 100, "val": 0, "test": 25}}, {"name": "bathroom"}],
 )
 def test_the_papers_scale_needs_its_pictures(printed: Records, changes):
     first, *others = printed.run.scenes

@@ -2,12 +2,12 @@
 
 import pytest
 
-from harness.records.study import Check, Studies
+from harness.records.study import Check
 from reports.claims.ledger import not_tested
 from reports.claims.table import claims_grid
 from reports.data.load import Records
 from reports.data.wording import UNTESTED
-from tests.reports.claims.claimed import claimed
+from tests.reports.claims.test_claims import claimed
 from tests.reports.fake_studies import earlier, fake_serving, hit, phi, stale
 
 RETRIEVAL, KEY, PRIORITY, PHI = "section8.1-retrieval", "listing5-key", "section8.2-priority", "eq7-phi"
@@ -23,9 +23,7 @@ DISK = hit("disk.warm", 70)
         (fake_serving(settings={"quick": True}), "OUT` without --quick"),
     ],
 )
-def test_unmeasured_claims_are_not_tested_and_name_the_remedy(
-    whole: Records, serving: Studies | None, remedy: str
-) -> None:
+def test_unmeasured_claims_are_not_tested_and_name_the_remedy(whole: Records, serving, remedy: str) -> None:
     claims = claimed(whole, serving=serving)
     own = [claims[name] for name in (RETRIEVAL, KEY, PRIORITY, PHI)]
     assert {claim.verdict for claim in own} == {UNTESTED}

@@ -1,12 +1,14 @@
-"""The title and the sentences of the result."""
+"""The title and the sentences of the result, and the text next to a mean: changes, doubts, outliers."""
 
+import numpy as np
 import pytest
 
-from harness.records.cells import Roles
+from harness.records.cells import Comparison, Flagged, Robust, Roles
 from harness.records.verdict import OPEN, Verdict
+from harness.verdicts.changes import change_of
 from reports.claims.headline import headline, title_of
 from reports.data.load import Records
-from reports.data.outcome import Outcome, clause, clauses
+from reports.data.outcome import Outcome, change_in_words, clause, clauses, doubts, robust_differs, robust_in_words
 from tests.replacing import replace
 from tests.reports.fake_run import METHODS, fake_records
 
@@ -27,6 +29,9 @@ def outcome(verdict: Verdict, *differences: float, against: str = "nerf", by_sce
     return Outcome("qnerf", against, differences, verdict, by_scene)
 
 
+EITHER = "and so is whether it reaches the 0.2 dB that matter"
+
+
 @pytest.mark.parametrize(
     ("difference", "words"),
     [
@@ -34,26 +39,15 @@ def outcome(verdict: Verdict, *differences: float, against: str = "nerf", by_sce
         (outcome(BELOW, -0.1), "qnerf loses 0.10 dB to nerf, less than the 0.2 dB that matter"),
         (outcome(ABOVE, 0.14), "qnerf gains 0.14 dB over nerf (size open)"),
         (outcome(SMALL, 0.0), "the sign of qnerf − nerf is open (0.00 dB), its size below the 0.2 dB that matter"),
-        (
-            outcome(OPEN, -0.3, by_scene=(-0.3,) * 8),
-            "the sign of qnerf − nerf is open (−0.30 dB), and so is whether it reaches the 0.2 dB that matter",
-        ),
-        (
-            outcome(OPEN, 0.137, 0.12, 0.14),
-            "the sign of qnerf − nerf is open (+0.12 to +0.14 dB in three runs), and so is whether it reaches the "
-            "0.2 dB that matter",
-        ),
+        (outcome(OPEN, -0.3, by_scene=(-0.3,) * 8), f"the sign of qnerf − nerf is open (−0.30 dB), {EITHER}"),
+        (outcome(OPEN, 0.1, 0.12), f"the sign of qnerf − nerf is open (+0.10 to +0.12 dB in two runs), {EITHER}"),
         (outcome(ABOVE, 0.137, 0.12, 0.14), "qnerf gains 0.12 to 0.14 dB (three runs) over nerf (size open)"),
-        (
-            outcome(OPEN, -3.0, by_scene=(-2.0, -4.0)),
-            "qnerf is 3.00 dB below nerf on both scenes; two scenes are too few to predict others",
-        ),
-        (
-            outcome(OPEN, 0.1, by_scene=(1.0, -1.0, 0.3)),
-            "qnerf − nerf is +1.00, −1.00 and +0.30 dB on the three scenes; three scenes are too few to predict others",
-        ),
+        (outcome(OPEN, -3.0, by_scene=(-2.0, -4.0)),
+         "qnerf is 3.00 dB below nerf on both scenes; two scenes are too few to predict others"),
+        (outcome(OPEN, 0.1, by_scene=(1.0, -1.0, 0.3)),
+         "qnerf − nerf is +1.00, −1.00 and +0.30 dB on the three scenes; three scenes are too few to predict others"),
     ],
-)
+)  # fmt: skip
 def test_a_clause_has_sign_and_size(difference: Outcome, words: str) -> None:
     assert clause(difference) == words
 
@@ -184,3 +178,35 @@ def test_a_missing_bandwidth_control_is_named_if_the_encoding_differs(whole: Rec
     cells = [cell for cell in whole.cells if cell.method in methods]
     sentences = headline(replace(whole, run=run, cells=cells)).sentences
     assert any("No method with the bandwidth of qnerf was run" in sentence for sentence in sentences) is missing
+
+
+ROW = Comparison("all", "qnerf", "nerf", "psnr", "steps", 0.15, None, OPEN, None, 24, 0, None, 6, None, None)
+
+
+def test_a_robust_estimate_is_stated_if_it_disagrees() -> None:
+    agreeing = (None, Robust(0.3, (0.1, 0.5)), Robust(0.0, None))
+    apart, on_the_other_side = Robust(0.36, (0.1, 0.5)), Robust(-0.01, None)  # apart: by more than 0.2 dB
+    for robust in (*agreeing, apart, on_the_other_side):
+        row = replace(ROW, robust=robust)
+        differs = robust not in agreeing
+        assert robust_differs(row) == bool(robust_in_words(row)) == bool(list(doubts(row))) == differs, robust
+        assert not robust_differs(replace(row, difference=None))
+
+
+def test_one_bad_cell_and_the_robust_estimate_are_stated() -> None:
+    flagged = [Flagged("chair", 1, -2.7, 0.31)]
+    row = replace(ROW, difference=-0.1, robust=Robust(0.3, (0.21, 0.4)), flagged=flagged)
+    assert list(doubts(row)) == [
+        "The mean of qnerf − nerf at equal steps, −0.10 dB, is not that of most cells: robust: +0.30 [+0.21, +0.40].",
+        "Off all others of qnerf − nerf at equal steps, whose median is +0.31: chair, seed 1 (−2.70).",
+    ]
+    assert list(doubts(None)) == []
+
+
+def test_a_change_is_stated_with_its_interval_and_its_scenes() -> None:
+    moved = np.array([-0.3, -0.4, -0.5, 0.1])
+    tables = [{str(k): np.full(3, value) for k, value in enumerate(side)} for side in (np.zeros(4), moved)]
+    change = change_of("qnerf", "nerf", *tables, paired=True)
+    assert change_in_words(change) == (
+        "qnerf − nerf changes by −0.28 dB [−0.69, +0.14], on 3 of 4 scenes in that direction: sign and size open"
+    )

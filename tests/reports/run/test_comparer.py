@@ -70,8 +70,11 @@ def test_every_panel_shows_its_pictures_bytes_without_complaint(browser, address
     assert f"PSNR {-10 * np.log10(error):.2f} dB (record " in view.inner_text('[data-panel="nerf-colour"] .said')
 
 
-def test_the_numbers_of_a_pixel_are_those_of_the_data(browser, address, records):
-    view, _ = ready(browser, address, "at=pictures&scene=mic&compare.pixel=24,23")
+def test_a_scene_brighter_than_white_has_the_numbers_of_the_data_and_maps_of_light(browser, address, records):
+    maps = ("rel_mse", "smape", "hdr_flip")
+    choice = f"at=pictures&scene=mic&compare.map={'+'.join(maps)}&compare.pixel=24,23"
+    view, noise = ready(browser, address, choice)
+    assert noise == []
     truth, last = pictures(records, "mic")
     raw = bytes_of(last["qnerf"].colour, 24, 23)
     row = cells(view, "qnerf")
@@ -84,29 +87,10 @@ def test_the_numbers_of_a_pixel_are_those_of_the_data(browser, address, records)
     light = [float(part) for part in cells(view, "truth")[1].split()]
     assert max(light) > 1
     assert light == pytest.approx(truth.linear[23, 24].tolist(), rel=1e-3)
-
-
-def test_the_signed_error_states_its_weights_and_its_rmse_is_that_of_the_psnr(browser, address):
-    view, _ = ready(browser, address, "at=pictures&compare.map=colour+signed&compare.pixel=20,25")
-    title = "Signed error of luma (0.2126 R + 0.7152 G + 0.0722 B)"
-    assert view.inner_text('.maplegend[data-map="signed"] b') == title
-    assert view.inner_text(".probe thead th:last-child").split() == title.split()
-    for method in ("nerf", "nerf_matched", "qnerf"):
-        psnr, rmse = (
-            float(re.search(rf"{name}[a-z ]* (\d+\.\d+)", view.inner_text(f'[data-panel="{method}-{shown}"] .said'))[1])
-            for shown, name in (("colour", "PSNR"), ("signed", "RMSE"))
-        )
-        assert psnr == pytest.approx(-20 * np.log10(rmse), abs=0.005 + 20 / np.log(10) * 0.00005 / rmse), method
-
-
-def test_maps_of_light_are_offered_where_the_truth_is_brighter_than_white(browser, address, records):
-    view, noise = ready(browser, address, "at=pictures&scene=mic&compare.map=rel_mse+smape+hdr_flip")
-    assert noise == []
-    truth, last = pictures(records, "mic")
-    light = decode_srgb(np.round(255 * np.clip(last["nerf"].colour.astype(np.float64), 0, 1)) / 255)
-    for name in ("rel_mse", "smape", "hdr_flip"):
+    drawn = decode_srgb(np.round(255 * np.clip(last["nerf"].colour.astype(np.float64), 0, 1)) / 255)
+    for name in maps:
         said = view.inner_text(f'[data-panel="nerf-{name}"] .said')
-        mean = getattr(metrics, name)(light.astype(np.float32), truth.linear.astype(np.float32))
+        mean = getattr(metrics, name)(drawn.astype(np.float32), truth.linear.astype(np.float32))
         assert float(re.search(r"mean (\d+\.\d+)", said)[1]) == pytest.approx(mean, rel=5e-3, abs=2e-4), name
     view.get_by_role("combobox", name="Scene").select_option("lego")
     settle(view)
@@ -243,11 +227,14 @@ def test_names_are_text_and_never_markup(browser, hostile):
     assert noise == []
 
 
-def test_every_control_has_a_name_and_is_reached_by_keys(browser, address):
+def test_every_control_has_a_name_and_is_reached_by_keys_and_the_signed_error_states_its_weights(browser, address):
     view, noise = ready(browser, address, "at=pictures&compare.mode=wipe&compare.map=signed")
     nameless = """[...document.querySelectorAll('#comparer :is(button, select, input, canvas, [role])')]
         .filter(e => !(e.ariaLabel || e.labels?.length || e.textContent.trim() || e.role === 'status'))"""
     assert view.evaluate(f"{nameless}.map(node => node.outerHTML)") == []
+    title = "Signed error of luma (0.2126 R + 0.7152 G + 0.0722 B)"
+    assert view.inner_text('.maplegend[data-map="signed"] b') == title
+    assert view.inner_text(".probe thead th:last-child").split() == title.split()
     view.evaluate("document.activeElement.blur()")
     reached = []
     for _ in range(60):

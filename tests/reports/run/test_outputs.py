@@ -7,16 +7,7 @@ import pytest
 from harness.records.metric_table import METRICS
 from reports.__main__ import main
 from reports.page.grid import Entry
-from reports.run.outputs import (
-    EVERYWHERE,
-    against,
-    facts_grid,
-    headline,
-    named,
-    outputs_page,
-    scores_grid,
-    sentences,
-)
+from reports.run.outputs import EVERYWHERE, against, facts_grid, headline, named, outputs_page, scores_grid, sentences
 from tests.replacing import replace
 from tests.reports.fake_run import fake_records
 from tests.reports.run.test_page import HOSTILE, Outline, foreign_scripts
@@ -149,7 +140,6 @@ def test_the_command_writes_one_page_and_its_exit_code_is_about_all(tmp_path, ca
     assert (tmp_path / "a" / "outputs.html").is_file()
     assert not (tmp_path / "b" / "outputs.html").exists()
     assert main([a, a]) == 2
-    assert main([a, "--page", str(tmp_path / "x.html")]) == 2
     assert main([a, b, "--publish", str(tmp_path)]) == 2
     assert main([a, str(tmp_path / "nothing")]) == 2
     said = capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""report.html: complete, self-contained and escaped, without empty sections."""
+"""report.html: complete, self-contained and escaped, without empty sections; the ceiling of density is named."""
 
 import html
 import re
@@ -6,9 +6,10 @@ from html.parser import HTMLParser
 
 import pytest
 
-from reports.data.load import read_records
+from reports.data.load import Records, read_records
 from reports.page.script import content_policy
 from reports.page.shell import flat
+from reports.run.ceiling import ceilings
 from reports.run.run_page import page, write_page
 from tests.replacing import replace
 from tests.reports.fake_run import EIGHT, fake_records, write_fake_run
@@ -116,20 +117,14 @@ def test_sections_without_content_are_left_out(tmp_path):
     assert "did not finish" not in text
 
 
-def test_a_run_where_everything_failed_is_still_a_page(tmp_path):
+def test_an_unfinished_run_where_everything_failed_is_still_a_page(tmp_path):
     def failed(cell):
         return replace(cell, status="error", reason="out of memory", scores={}, curve=[], views=[], trace={})
 
-    text = page(fake_records(tmp_path / "run", change_cell=failed))
-    assert "qnerf did not finish a single run" in text
-    assert "3 of 3 failed" in text
-    assert "and 12 more" in text
-
-
-def test_an_unfinished_run_says_so(whole):
-    assert "17 of 18 runs had finished" in page(
-        replace(whole, run=replace(whole.run, finished=False), cells=whole.cells[1:])
-    )
+    records = fake_records(tmp_path / "run", change_cell=failed)
+    text = page(replace(records, run=replace(records.run, finished=False), cells=records.cells[1:]))
+    for words in ("17 of 18 runs had finished", "qnerf did not finish a single run", "3 of 3 failed", "and 11 more"):
+        assert words in text, words
 
 
 def test_one_scene_one_seed_is_a_page_too(tmp_path):
@@ -146,17 +141,46 @@ def test_eight_scenes_stay_under_15_megabytes(tmp_path):
     assert (tmp_path / "report.html").stat().st_size < 15_000_000
 
 
-def test_a_failed_write_leaves_no_half_page(records, tmp_path, monkeypatch):
-    def broken(*_):
-        raise OSError(28, "No space left on device")
-
-    (tmp_path / "report.html").write_text("old", encoding="utf-8")
-    monkeypatch.setattr("reports.run.run_page._page", broken)
-    with pytest.raises(OSError, match="No space"):
-        write_page(records, tmp_path / "report.html")
-    assert [path.name for path in tmp_path.iterdir() if "report" in path.name] == ["report.html"]
-    assert (tmp_path / "report.html").read_text(encoding="utf-8") == "old"
-
-
 def test_settings_are_flattened():
     assert flat({"a": {"b": 1, "c": [1, True]}, "d": None}) == [("a.b", "1"), ("a.c", "1, yes"), ("d", "–")]
+
+
+def with_properties(records: Records, **by_method: dict[str, list[float | None]]) -> Records:
+    """Return the run with these properties of its cells, the values of a list in turn."""
+    cells = []
+    for place, cell in enumerate(records.cells):
+        own = by_method.get(cell.method, {})
+        given = {name: values[place % len(values)] for name, values in own.items()}
+        cells.append(replace(cell, properties={**cell.properties, **given}))
+    return replace(records, cells=cells)
+
+
+UNBOUNDED = {"density_limit": [None], "opacity_of_a_pixel": [1.0], "weight_at_ceiling": [0.0]}
+
+
+def bounded(limit: float, *opacities: float) -> dict[str, list[float | None]]:
+    return {"density_limit": [limit], "opacity_of_a_pixel": list(opacities), "weight_at_ceiling": [0.25]}
+
+
+def test_a_constant_that_limits_a_method_is_named(whole: Records) -> None:
+    assert ceilings(whole) == [], "no record has the properties"
+    (line,) = ceilings(with_properties(whole, nerf=UNBOUNDED, qnerf=bounded(25.0, 0.38)))
+    cells = sum(cell.method == "qnerf" for cell in whole.cells)
+    assert line == (
+        "qnerf: at its largest density, 25 per half box, geometry one pixel thick has an opacity of 0.38; "
+        f"25.0\u202f% of the weight of its pictures is at this ceiling ({cells} cells). "
+        "The constant, a unit of density of 25 per half box, limits qnerf at this resolution."
+    )
+
+
+@pytest.mark.parametrize(("opacities", "limits"), [((0.9899, 0.9999), True), ((0.99, 0.9999), False)])
+def test_the_thinnest_cell_decides_whether_it_limits(whole: Records, opacities, limits) -> None:
+    (line,) = ceilings(with_properties(whole, qnerf=bounded(250.0, *opacities)))
+    assert line.endswith("limits qnerf at this resolution.") == limits
+    assert f"an opacity of {'0.9899' if limits else '0.9900'} to 0.9999;" in line
+
+
+def test_the_page_has_the_lines_below_the_headline(whole: Records, whole_page: str) -> None:
+    text = page(with_properties(whole, qnerf=bounded(25.0, 0.38)))
+    assert text.index("<h1>") < text.index("<dt>Ceiling</dt>") < text.index("<dt>Scale</dt>")
+    assert "<dt>Ceiling</dt>" not in whole_page

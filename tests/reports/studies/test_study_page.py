@@ -14,7 +14,6 @@ from harness.records.study import Answer, Check, Series, Studies, Table
 from reports.data.studies_load import find_studies
 from reports.studies.study_page import headline, sentences, shelf_shown
 from reports.studies.study_page import study_page as page_of
-from scenes.files.errors import DamagedRecord
 from tests.reports.fake_studies import fake_studies, study, write_fake_studies
 from tests.reports.run.test_page import Outline, without_code
 from tests.reports.studies.test_checks import trial
@@ -150,15 +149,3 @@ def test_a_record_comes_back_as_it_was_written_but_for_what_is_not_finite(tmp_pa
     assert [(line.name, line.y[:2]) for line in lost] == [("log_space", [None, None])]
     assert read.studies[1].tables[0].rows[0][2] == "not finite (nan)"
     assert find_studies(tmp_path / "stability", "stability") is None
-
-
-@pytest.mark.parametrize(
-    ("y", "low", "words"), [([], None, "series 'a' has 1 x but 0 y"), ([1.0], [], "1 x but 0 low")]
-)
-def test_a_line_of_uneven_lists_is_named(tmp_path, y, low, words):
-    line = Series("p", 9, "a", "x", "y", [1.0], y, low, [1.0])
-    out = write_fake_studies(tmp_path, with_findings("speed", line))
-    with pytest.raises(DamagedRecord, match=re.escape(words)) as caught:
-        find_studies(out, "speed")
-    assert str(caught.value).startswith(str(out / "speed.json"))
-    assert "nox -s speed" in str(caught.value)

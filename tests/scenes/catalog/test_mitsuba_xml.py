@@ -45,7 +45,7 @@ def test_images_depend_on_all_that_mitsuba_reads(tmp_path: Path, files: dict[str
     assert files_of(file) == {"top.xml", *depends}
     there = xml_scene(written(tmp_path / "there", files), "mine").build()
     assert there == xml_scene(file, "mine").build()  # wherever the folder lies
-    for name in depends:
+    for name in ("top.xml", *depends):
         before = xml_scene(file, "mine").build()
         written(tmp_path / "here", {name: files[name] + " "})
         assert xml_scene(file, "mine").build() != before

@@ -13,7 +13,6 @@ from scenes.catalog.entries import CATALOG
 from scenes.catalog.scene_file import mistakes_in, name_of_file, scene_from_file
 from scenes.files.errors import InputError
 from scenes.modelling.placement import VISIBLE_RADIUS, upright
-from scenes.rendering.order import Order
 from scenes.rendering.store import checked_order, ensure_view_set
 from scenes.view_sets.view_set import read_view_set
 from scenes.view_sets.viewpoints import FOV_X_RADIANS, all_poses
@@ -32,10 +31,6 @@ def written(folder: Path, text: str, name: str = "mine.xml") -> Path:
     return folder / name
 
 
-def order_of(file: Path) -> Order:
-    return checked_order(scene_from_file(file), 8, COUNTS, SPP)
-
-
 # --- names, trust
 
 
@@ -49,36 +44,14 @@ def test_names_are_fit_for_records_and_never_of_the_catalogue() -> None:
 # --- what is known of an XML file without Mitsuba
 
 
-def test_the_digest_follows_the_file_and_what_it_names(tmp_path: Path) -> None:
-    (tmp_path / "a.png").write_bytes(b"first")
-    (tmp_path / "parts.xml").write_text('<scene version="3.0.0"><shape type="cube"/></scene>')
-    texture = '<texture type="bitmap" name="reflectance"><string name="filename" value="$where.png"/></texture>'
-    text = BALL.replace('<bsdf type="diffuse"/>', f'<bsdf type="diffuse">{texture}</bsdf>')
-    text = text.replace("<shape", '<default name="where" value="a"/><include filename="parts.xml"/><shape', 1)
-    file = written(tmp_path, text)
-    digests = [order_of(file).digest("scalar_rgb")]
-    assert order_of(file).digest("scalar_rgb") == digests[0]
-    (tmp_path / "a.png").write_bytes(b"second")
-    digests.append(order_of(file).digest("scalar_rgb"))
-    (tmp_path / "parts.xml").write_text('<scene version="3.0.0"><shape type="disk"/></scene>')
-    digests.append(order_of(file).digest("scalar_rgb"))
-    file.write_text(file.read_text() + "\n")
-    digests.append(order_of(file).digest("scalar_rgb"))
-    assert len(set(digests)) == 4
-    assert "part" in " ".join(scene_from_file(file).build()["file"])
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [
         ("<scene", "not well-formed"),
-        ("", "not well-formed"),
         ("<html/>", "<html>"),
         ('<scene version="3.0.0"><emitter type="constant"/></scene>', "no <shape>"),
         ('<scene version="3.0.0"><shape type="sphere"/></scene>', "no <emitter>"),
-        ('<!DOCTYPE scene [<!ENTITY a "b">]><scene>&a;</scene>', "entities"),
         (BALL.replace("<emitter", '<include filename="none.xml"/><emitter'), "none.xml., which is not there"),
-        (BALL.replace("<emitter", '<include filename="mine.xml"/><emitter'), "includes mine.xml"),
     ],
 )
 def test_a_file_that_is_no_scene(tmp_path: Path, text: str, message: str) -> None:
@@ -95,10 +68,8 @@ def test_a_file_that_is_no_scene(tmp_path: Path, text: str, message: str) -> Non
     ("text", "message"),
     [
         ("SCENE = 3", "no SCENE"),
-        ("x = 1", "no SCENE"),
         ("def", r"SyntaxError"),
         ("a = 1\n1 / 0", r"ZeroDivisionError in line 2: division by zero"),
-        ("import no_such_module_of_anybody", "ModuleNotFoundError in line 1"),
         ("raise SystemExit(3)", "SystemExit in line 1"),
         (f"{IMPORT}def build():\n    return {{}}['x']\nSCENE = Scene('a', 'b', build)", "KeyError in line 3"),
         ("import os\nos._exit(0)", "mine.py: ends the process with exit code 0"),
@@ -108,7 +79,6 @@ def test_a_file_that_is_no_scene(tmp_path: Path, text: str, message: str) -> Non
             "gives a different result each time",
         ),
         ("open('none.txt')", "FileNotFoundError in line 1: .*none.txt"),
-        (f"{IMPORT}def build():\n    return open('/')\nSCENE = Scene('a', 'b', build)", "IsADirectoryError in line 3"),
         (f"{IMPORT}SCENE = Scene('a', 'b', lambda: [1])", "build.. gives list"),
         (f"{IMPORT}SCENE = Scene('a', 'b', dict, near=7.0)", "near 7.0"),
     ],
@@ -132,7 +102,7 @@ def test_a_neighbour_can_be_imported_and_the_path_is_left_as_it_was(tmp_path: Pa
 
 
 def test_python_scenes_are_brought_into_the_picture(tmp_path: Path) -> None:
-    order = order_of(EXAMPLES / "my_scene.py")
+    order = checked_order(scene_from_file(EXAMPLES / "my_scene.py"), 8, COUNTS, SPP)
     assert order.similarity is not None  # its tower is too high for cameras four units away
     corners = np.array([[x, y, z] for x in (-0.6, 0.6) for y in (-0.6, 0.6) for z in (-1.2, 0.0)])
     assert np.linalg.norm(order.similarity.points(corners), axis=1).max() <= VISIBLE_RADIUS

@@ -87,9 +87,6 @@ def test_only_what_is_far_from_unit_scale_is_changed() -> None:
 def test_what_cannot_be_measured_is_refused(entry: Description, message: str) -> None:
     with pytest.raises(InputError, match=message):
         box_of({"thing": entry})
-
-
-def test_a_point_has_no_scale() -> None:
     with pytest.raises(InputError, match="one point"):
         to_unit(np.zeros((2, 3)))
 

@@ -132,8 +132,7 @@ def test_the_file_comes_back_and_is_bound_to_its_view_set(tmp_path: Path) -> Non
         read_occupancy(replace(views, rendered={**views.rendered, "digest": "cd34"}))
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", "null", '{"inside": 3, "checksum": 4}'])
-def test_a_damaged_file_is_refused_and_made_again(text: str, tmp_path: Path) -> None:
+def test_a_damaged_file_is_refused_and_made_again(tmp_path: Path) -> None:
     write_ball(tmp_path, size=8, train=1, test=1)
     views = replace(read_view_set(tmp_path), rendered=manifest_of(tmp_path), bounds=BOX)
     order = order_of({"ball": mesh(ball(0.6), GREY)})
@@ -141,7 +140,8 @@ def test_a_damaged_file_is_refused_and_made_again(text: str, tmp_path: Path) -> 
     complete = (tmp_path / NAME).read_text()
     place = complete.index("inside") + 12
     other = "B" if complete[place] == "A" else "A"
-    for damaged in (text, complete[:place] + other + complete[place + 1 :]):
+    flipped = complete[:place] + other + complete[place + 1 :]
+    for damaged in ("", "{", "[]", "null", '{"inside": 3, "checksum": 4}', flipped):
         (tmp_path / NAME).write_text(damaged)
         with pytest.raises(DamagedViewSet, match=NAME):
             read_occupancy(views)

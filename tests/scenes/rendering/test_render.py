@@ -145,7 +145,7 @@ def test_half_covered_pixels_have_half_the_alpha(seen: Callable[..., RenderedVie
 def test_the_stated_variance_is_the_variance(scalar: Variant, description: Description) -> None:
     scene = load(description, scalar, 16)
     pose = all_poses("test")[:1]
-    truth = next(render_views(scene, pose, 16384, [99], ["truth"]))
+    truth = next(render_views(scene, pose, 4096, [99], ["truth"]))
     views = list(render_views(scene, np.repeat(pose, 40, 0), 8, range(40), [str(n) for n in range(40)]))
     stated = np.mean([view.variance for view in views], axis=0)
     result = np.mean([(view.rgba - truth.rgba) ** 2 for view in views], axis=0)

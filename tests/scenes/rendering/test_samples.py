@@ -1,4 +1,6 @@
-"""The number of samples for a noise target: closed forms, limits, and one rendering."""
+"""The number of samples for a noise target, and the noise of renders: closed forms, limits, images with a known
+variance, and a tiny scene that Mitsuba renders.
+"""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -7,14 +9,19 @@ import numpy as np
 import pytest
 
 from scenes.files.errors import InputError
-from scenes.rendering import samples
+from scenes.modelling.scene import Scene
+from scenes.rendering import noise_study, samples
+from scenes.rendering.noise_study import rerender, rerender_noise
 from scenes.rendering.order import NoiseTarget
 from scenes.rendering.samples import PILOT_SPP, PILOT_VIEWS, chosen_samples, noise_curve, samples_for
+from scenes.rendering.variant import Variant
 from scenes.view_sets.manifest import read_manifest
 
 Render = Callable[..., Path]
 TARGET = NoiseTarget(40.0, most=256)
 """A mean square error of 1e-4."""
+SLOPE = 1.055 / 2.4 * 0.2 ** (1 / 2.4 - 1)
+"""The slope of the display curve at a grey of 0.2."""
 
 
 def at_pilots(a: float, b: float) -> tuple[float, float]:
@@ -54,16 +61,16 @@ def test_the_smallest_sufficient_number(target: NoiseTarget, a: float, b: float,
 
 
 class Noisy:
-    """A scene whose views are grey with Gaussian noise of variance `of[x of the camera]` / samples."""
+    """A scene whose views are opaque grey with Gaussian noise of variance `of[x of the camera]` / samples."""
 
-    def __init__(self, *of: float) -> None:
-        self.of, self.calls = of, list[tuple[float, int]]()
+    def __init__(self, *of: float, level: float = 0.2) -> None:
+        self.of, self.level, self.calls = of, level, list[tuple[int, int, int]]()
 
     def colour(self, camera: np.ndarray, spp: int, seed: int) -> np.ndarray:
         place = int(camera[0, 3])
-        self.calls.append((place, spp))
-        noise = np.random.default_rng(seed).normal(0.0, (self.of[place] / spp) ** 0.5, (32, 32, 4))
-        return np.full((32, 32, 4), [0.2, 0.2, 0.2, 1.0]) + noise * [1.0, 1.0, 1.0, 0.0]
+        self.calls.append((place, spp, seed))
+        noise = np.random.default_rng(seed).normal(0.0, (self.of[place] / spp) ** 0.5, (64, 64, 4))
+        return np.array([self.level, self.level, self.level, 1.0]) + noise * [1.0, 1.0, 1.0, 0.0]
 
 
 def cameras(*places: int) -> np.ndarray:
@@ -85,13 +92,12 @@ def test_each_target_has_its_own_views_and_equal_ones_share() -> None:
     )
     assert numbers["train"] == numbers["val"] < numbers["test"]
     assert set(facts) == {"train", "test"}, "an empty split has no facts"
-    assert sorted(set(scene.calls)) == [(place, n // 2) for place in (0, 1) for n in PILOT_SPP]
+    assert sorted({call[:2] for call in scene.calls}) == [(place, n // 2) for place in (0, 1) for n in PILOT_SPP]
     assert len(scene.calls) == 2 * len(PILOT_SPP) * (PILOT_VIEWS + 1), "a split of one view has one"
-    # noise of display colour: variance / samples times the squared slope of sRGB at 0.2
-    slope = 1.055 / 2.4 * 0.2 ** (1 / 2.4 - 1)
+    # noise of display colour: variance / samples times the squared slope of sRGB
     for split, variance in (("train", 1e-4), ("test", 1e-3)):
         for n, mse in zip(PILOT_SPP, facts[split]["pilot_mse"].values(), strict=True):
-            assert mse == pytest.approx(slope**2 * variance / n, rel=0.1)
+            assert mse == pytest.approx(SLOPE**2 * variance / n, rel=0.1)
     assert facts["test"]["ceiling_db"] == 40.0
     assert (facts["test"]["most"], facts["test"]["least"]) == (512, 4)
 
@@ -134,9 +140,54 @@ def test_a_view_set_has_the_ceiling_and_says_how_it_was_chosen(render_tiny: Rend
     assert len(list(tmp_path.iterdir())) == 3
 
 
-def test_a_ceiling_out_of_range_is_refused(render_tiny: Render, tmp_path: Path) -> None:
-    for db in (5.0, 101.0, float("nan")):
-        with pytest.raises(InputError, match=r"--ceiling-test .*choose 10 to 100 dB"):
-            render_tiny(tmp_path / "cache", spp={"train": 4, "val": 4, "test": NoiseTarget(db, 64)})
-    with pytest.raises(InputError, match="--spp-test 1:"):
-        render_tiny(tmp_path / "cache", spp={"train": 4, "val": 4, "test": NoiseTarget(45.0, 1)})
+# the noise of renders
+
+VARIANCE = 0.02**2
+POSE = np.eye(4)
+
+
+def test_the_noise_of_one_image_is_what_was_put_in() -> None:
+    renderer = Noisy(VARIANCE)
+    stored = (renderer.colour(POSE, 8, 1) + renderer.colour(POSE, 8, 2)) / 2
+    noise, halves = rerender_noise(renderer, stored, POSE, 16, 2, "test/r_0")
+    # variance of a variance: 2 / n of its square, here with 2 × 12288 values
+    assert (noise, halves) == pytest.approx([SLOPE**2 * VARIANCE / 16] * 2, rel=0.05)
+
+
+def test_every_render_has_random_numbers_of_its_own() -> None:
+    renderer = Noisy(VARIANCE)
+    for view in ("test/r_0", "test/r_1"):
+        rerender_noise(renderer, Noisy(VARIANCE).colour(POSE, 4, 1), POSE, 7, 3, view)
+    assert [spp for _, spp, _ in renderer.calls] == [4] * 12
+    assert len({seed for _, _, seed in renderer.calls}) == 12
+
+
+def test_what_lies_above_white_has_no_noise() -> None:
+    renderer = Noisy(VARIANCE, level=3.0)
+    assert rerender_noise(renderer, renderer.colour(POSE, 4, 1), POSE, 16, 1, "test/r_0") == (0.0, 0.0)
+
+
+def test_test_views_of_a_view_set_are_rendered_again(
+    stored_once: Path, tiny_scene: Scene, scalar: Variant, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(noise_study, "scene_named", lambda name: tiny_scene)
+    rows = list(rerender(stored_once, 1, scalar))
+    manifest = read_manifest(stored_once)
+    assert [row.view for row in rows] == ["test/r_0", "test/r_1"]
+    assert [row.stored for row in rows] == [manifest["views"][row.view]["noise_mse"] for row in rows]
+    assert {(row.scene, row.spp, row.variant) for row in rows} == {("tiny", manifest["spp"]["test"], "scalar_rgb")}
+    for row in rows:
+        # the same view: far nearer than another one, and not the same numbers
+        assert row.again == pytest.approx(row.stored, rel=0.6)
+        assert row.halves == pytest.approx(row.stored, rel=0.6)
+        assert len({row.again, row.stored, row.halves}) == 3
+
+
+def test_wrong_input_is_named(tmp_path: Path, scalar: Variant, render_tiny: Render) -> None:
+    with pytest.raises(InputError, match="not a rendered view set"):
+        next(rerender(tmp_path, 1, scalar))
+    with pytest.raises(InputError, match="--repeats 0"):
+        next(rerender(tmp_path, 0, scalar))
+    without = render_tiny(tmp_path, counts={"train": 1, "val": 0, "test": 0})
+    with pytest.raises(InputError, match="has no test views"):
+        next(rerender(without, 1, scalar))

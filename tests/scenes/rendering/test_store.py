@@ -21,14 +21,16 @@ from scenes.modelling.normalise import Similarity
 from scenes.modelling.scene import Scene
 from scenes.rendering import store
 from scenes.rendering.occupancy import NAME
-from scenes.rendering.order import Order
+from scenes.rendering.order import NoiseTarget, Order
 from scenes.rendering.store import checked_order, is_complete
 from scenes.rendering.writer import Standing
 from scenes.view_sets.manifest import check_all
 from scenes.view_sets.view_set import ViewSet, read_view_set
+from tests.scenes.captures import flip
 
 ROOT = Path(scenes.__file__).parents[1]
 Render = Callable[..., Path]
+SPP = dict.fromkeys(("train", "val", "test"), 4)
 
 
 def test_a_complete_set_is_used_again(render_tiny: Render, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -51,12 +53,7 @@ def test_damage_is_rendered_again(render_tiny: Render, tmp_path: Path, damage: s
     path = render_tiny(tmp_path)
     before = read_view_set(path).test
     victim = path / ("view_set.json" if "manifest" in damage else "test/r_1.exr")
-    data = bytearray(victim.read_bytes())
-    if damage in ("remove", "no manifest"):
-        victim.unlink()
-    else:
-        data[len(data) // 2] ^= 8
-        victim.write_bytes(data)
+    victim.unlink() if damage in ("remove", "no manifest") else flip(victim)
     assert not is_complete(path)
     assert render_tiny(tmp_path) == path
     assert is_complete(path)
@@ -66,18 +63,16 @@ def test_damage_is_rendered_again(render_tiny: Render, tmp_path: Path, damage: s
     assert sorted(entry.name for entry in tmp_path.iterdir()) == [path.name]
 
 
-def order_of(scene: Scene, monkeypatch: pytest.MonkeyPatch, **changes: object) -> Order:
-    monkeypatch.setattr(store, "scene_named", lambda name: scene)
+def order_of(scene: Scene, **changes: object) -> Order:
     options: dict[str, object] = {
-        "resolution": 8, "counts": {"train": 3, "val": 0, "test": 2}, "spp": {"train": 4, "val": 4, "test": 4},
-        **changes,
+        "resolution": 8, "counts": {"train": 3, "val": 0, "test": 2}, "spp": SPP, **changes,
     }  # fmt: skip
-    return checked_order("tiny", **options)  # type: ignore[arg-type]
+    return checked_order(scene, **options)  # type: ignore[arg-type]
 
 
 def test_the_digest_depends_on_everything(tiny_scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     description = tiny_scene.build()
-    base = order_of(tiny_scene, monkeypatch)
+    base = order_of(tiny_scene)
     scaled = replace(base, similarity=Similarity(2.0, (0.0, 0.0, 0.0)))
     digests = [base.digest("scalar_rgb"), base.digest("llvm_ad_rgb"), scaled.digest("scalar_rgb")]
     moved = {**description, "ball": {**description["ball"], "radius": 0.6000001}}
@@ -92,21 +87,21 @@ def test_the_digest_depends_on_everything(tiny_scene: Scene, monkeypatch: pytest
         replace(tiny_scene, emitters_seen=True),
         replace(tiny_scene, box=((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0))),
     ):
-        digests.append(order_of(scene, monkeypatch).digest("scalar_rgb"))
+        digests.append(order_of(scene).digest("scalar_rgb"))
     for change in (
         {"resolution": 9},
         {"counts": {"train": 4, "val": 0, "test": 2}},
-        {"spp": {"train": 4, "val": 4, "test": 5}},
+        {"spp": SPP | {"test": 5}},
     ):
-        digests.append(order_of(tiny_scene, monkeypatch, **change).digest("scalar_rgb"))
+        digests.append(order_of(tiny_scene, **change).digest("scalar_rgb"))
     monkeypatch.setattr("scenes.rendering.order.versions", lambda: {"mitsuba": "9.9.9"})
-    digests.append(order_of(tiny_scene, monkeypatch).digest("scalar_rgb"))
+    digests.append(order_of(tiny_scene).digest("scalar_rgb"))
     assert len(set(digests)) == len(digests)
     monkeypatch.undo()
-    assert order_of(tiny_scene, monkeypatch).digest("scalar_rgb") == digests[0]
+    assert order_of(tiny_scene).digest("scalar_rgb") == digests[0]
 
 
-def test_a_set_that_another_processor_rendered_is_used(tiny_scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_set_that_another_processor_rendered_is_used(tiny_scene: Scene) -> None:
     """Its matrix products have other last bits of float64, and rounding errors in place of zeros."""
 
     def elsewhere(value: Any) -> Any:
@@ -119,7 +114,7 @@ def test_a_set_that_another_processor_rendered_is_used(tiny_scene: Scene, monkey
     turned = {"ball": {"to_world": np.diag([0.3, 0.3, 0.3, 1.0])}}
     description = {**tiny_scene.build(), **turned}
     here, there = (
-        order_of(replace(tiny_scene, build=lambda built=built: built), monkeypatch).digest("scalar_rgb")
+        order_of(replace(tiny_scene, build=lambda built=built: built)).digest("scalar_rgb")
         for built in (description, elsewhere(description))
     )
     assert here == there
@@ -168,11 +163,14 @@ def test_what_cannot_be_hashed_is_refused() -> None:
         ({"counts": {"train": -1, "val": 0, "test": 0}}, "--train -1"),
         ({"counts": {"train": 0, "val": 0, "test": 0}}, "at least one"),
         ({"counts": {"train": 1}}, "one number each"),
-        ({"spp": {"train": 1, "val": 4, "test": 4}}, "--spp-train 1"),
-        ({"spp": {"train": 10**9, "val": 4, "test": 4}}, "--spp-train 1000000000"),
+        ({"spp": SPP | {"train": 1}}, "--spp-train 1"),
+        ({"spp": SPP | {"train": 10**9}}, "--spp-train 1000000000"),
+        ({"spp": SPP | {"test": NoiseTarget(45.0, 1)}}, "--spp-test 1:"),
+        *(({"spp": SPP | {"test": NoiseTarget(db, 64)}}, r"--ceiling-test .*choose 10 to 100 dB")
+          for db in (5.0, 101.0, float("nan"))),
         ({"variant": "fast"}, "unknown Mitsuba variant"),
     ],
-)
+)  # fmt: skip
 def test_bad_requests_are_refused(render_tiny: Render, tmp_path: Path, changes: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
         render_tiny(tmp_path / "cache", **changes)
@@ -302,9 +300,3 @@ def test_an_empty_scene_has_the_box_that_it_declares(tmp_path: Path) -> None:
     assert result.bounds == pytest.approx(np.array([[-1.021] * 3, [1.021] * 3]))
     assert not any(rgba.any() for rgba in result.train.rgba)
     assert result.rendered["normalised"] is None
-
-
-@pytest.mark.parametrize(("near", "far"), [(2.0, 2.0), (6.0, 2.0), (0.0, 1.0), (-1.0, 1.0), (1.0, float("inf"))])
-def test_a_scene_with_an_invalid_interval_of_distances_is_refused(near: float, far: float) -> None:
-    with pytest.raises(InputError, match="near"):
-        Scene("s", "A scene", dict, near=near, far=far)

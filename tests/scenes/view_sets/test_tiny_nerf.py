@@ -12,6 +12,7 @@ import pytest
 from scenes.files.errors import InputError
 from scenes.view_sets.view_set import read_view_set
 from scenes.view_sets.viewpoints import all_poses
+from tests.scenes.captures import flip
 
 
 def tiny(file: Path, count: int = 12, **change: Any) -> Path:
@@ -45,48 +46,31 @@ def test_any_order_of_reading_and_compressed(tmp_path: Path) -> None:
         assert np.array_equal(result.train.rgba[i][..., :3], data["images"][int(name.rpartition("/")[2])])
 
 
-def bomb(file: Path) -> None:
-    """A kilobyte that says it holds a terabyte."""
+def header(shape: tuple[int, ...]) -> bytes:
     head = io.BytesIO()
-    np.lib.format.write_array_header_1_0(
-        head, {"descr": "<f4", "fortran_order": False, "shape": (100, 50_000, 50_000, 3)}
-    )
+    np.lib.format.write_array_header_1_0(head, {"descr": "<f4", "fortran_order": False, "shape": shape})
+    return head.getvalue()
+
+
+def holding(file: Path, images: bytes) -> None:
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("images.npy", head.getvalue() + bytes(100_000))
+        archive.writestr("images.npy", images)
 
 
 def pickled(file: Path) -> None:
     np.savez(file, images=np.array([{"a": 1}], dtype=object), allow_pickle=True)
 
 
-def cut(file: Path) -> None:
-    tiny(file)
-    file.write_bytes(file.read_bytes()[:2000])
-
-
-def flipped(file: Path) -> None:
-    tiny(file)
-    data = bytearray(file.read_bytes())
-    data[1500] ^= 1
-    file.write_bytes(data)
-
-
-def unparsable(file: Path) -> None:
-    """Numpy reads such a header with Python's tokenizer, which has other exceptions."""
-    head = io.BytesIO()
-    np.lib.format.write_array_header_1_0(head, {"descr": "<f4", "fortran_order": False, "shape": (12, 6, 6, 3)})
-    with zipfile.ZipFile(file, "w") as archive:
-        archive.writestr("images.npy", head.getvalue().replace(b"}  ", b"} )"))
-
-
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (unparsable, "images cannot be read"),
-        (bomb, "more than .* bytes"),
+        # numpy reads a header with Python's tokenizer, which has other exceptions
+        (lambda file: holding(file, header((12, 6, 6, 3)).replace(b"}  ", b"} )")), "images cannot be read"),
+        # a kilobyte that says it holds a terabyte
+        (lambda file: holding(file, header((100, 50_000, 50_000, 3)) + bytes(100_000)), "more than .* bytes"),
         (pickled, "images holds object"),
-        (cut, "cannot be read"),
-        (flipped, "images cannot be read"),
+        (lambda file: file.write_bytes(tiny(file).read_bytes()[:2000]), "cannot be read"),
+        (lambda file: flip(tiny(file), 1500), "images cannot be read"),
         (lambda file: file.write_text("hello"), "cannot be read"),
         (lambda file: tiny(file, focal=None), "no array 'focal'"),
         (lambda file: tiny(file, focal=np.array([1.0, 2.0])), "focal must be one"),

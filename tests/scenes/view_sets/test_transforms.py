@@ -1,9 +1,8 @@
 """`transforms_*.json` of other programs: what is read, and what is refused with one clear message."""
 
-import copy
 import json
 import math
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +20,10 @@ from scenes.view_sets.formats.transforms import (
 )
 from scenes.view_sets.images import write_png
 from scenes.view_sets.viewpoints import all_poses
+from tests.scenes import captures
 
 POSES = all_poses("test")[:3]
+edit = partial(captures.edit, name="transforms_train.json")
 
 
 @pytest.fixture
@@ -34,13 +35,6 @@ def folder(tmp_path: Path) -> Path:
     (tmp_path / "outside.png").write_bytes((root / "train" / "r_0.png").read_bytes())
     write_transforms(root / "transforms_train.json", 0.69, [f"./train/r_{n}" for n in range(3)], POSES)
     return root
-
-
-def edit(folder: Path, change: Callable[[dict[str, Any]], None]) -> None:
-    file = folder / "transforms_train.json"
-    data = json.loads(file.read_text())
-    change(data)
-    file.write_text(json.dumps(data))
 
 
 def test_what_is_written_is_read(folder: Path) -> None:
@@ -156,87 +150,68 @@ def test_another_last_number_of_a_matrix_is_undone(folder: Path) -> None:
 
 
 def matrix_with(row: int, column: int, value: Any) -> list[list[Any]]:
-    matrix = copy.deepcopy(POSES[0].tolist())
+    matrix: list[list[Any]] = POSES[0].tolist()
     matrix[row][column] = value
     return matrix
 
 
-FRAME_DAMAGE: list[tuple[str, dict[str, Any], str]] = [
-    ("no path", {"file_path": None}, "`null` .*file_path"),
-    ("path of another type", {"file_path": 5}, "`int` .*file_path"),
-    ("empty path", {"file_path": ""}, "file_path"),
-    ("path with a zero", {"file_path": "a\0b"}, "file_path"),
-    ("path upwards", {"file_path": "../outside"}, "leaves the folder"),
-    ("path upwards, hidden", {"file_path": "train/../../outside.png"}, "leaves the folder"),
-    ("path upwards, backslashes", {"file_path": "..\\outside.png"}, "leaves the folder"),
-    ("absolute path", {"file_path": "/etc/passwd"}, "leaves the folder"),
-    ("drive", {"file_path": "C:\\x.png"}, "leaves the folder"),
-    ("link outside", {"file_path": "train/link"}, "link out of the folder"),
-    ("path too long", {"file_path": "x" * 5000}, "file_path"),
-    ("missing image", {"file_path": "./train/r_9"}, "no image"),
-    ("folder as image", {"file_path": "./train"}, "no image"),
-    ("twice the same", {"file_path": "./train/r_1"}, "list each image once"),
-    ("no matrix", {"transform_matrix": None}, "`null` .*transform_matrix"),
-    ("three rows", {"transform_matrix": POSES[0].tolist()[:3]}, "four rows"),
-    ("ragged", {"transform_matrix": [*POSES[0].tolist()[:3], [0, 0, 1]]}, "four rows"),
-    ("text in the matrix", {"transform_matrix": matrix_with(1, 2, "x")}, r"`str` .*transform_matrix\[1\]\[2\]"),
-    ("truth in the matrix", {"transform_matrix": matrix_with(0, 0, True)}, "`bool` .*finite numbers"),
-    ("huge integer", {"transform_matrix": matrix_with(0, 0, 10**400)}, "finite"),
-    ("singular", {"transform_matrix": np.diag([0.0, 0, 0, 1]).tolist()}, "not a rotation"),
-    ("scaled", {"transform_matrix": np.diag([2.0, 2, 2, 1]).tolist()}, "not a rotation"),
-    ("mirrored", {"transform_matrix": np.diag([-1.0, 1, 1, 1]).tolist()}, "not a rotation"),
-    ("projective", {"transform_matrix": matrix_with(3, 0, 1.0)}, "last row"),
-]
+IN_A_FRAME: dict[str, tuple[dict[str, Any], str]] = {
+    "no path": ({"file_path": None}, "`null` .*file_path"),
+    "empty path": ({"file_path": ""}, "file_path"),
+    "path with a zero": ({"file_path": "a\0b"}, "file_path"),
+    "path upwards": ({"file_path": "../outside"}, "leaves the folder"),
+    "path upwards, hidden": ({"file_path": "train/../../outside.png"}, "leaves the folder"),
+    "path upwards, backslashes": ({"file_path": "..\\outside.png"}, "leaves the folder"),
+    "absolute path": ({"file_path": "/etc/passwd"}, "leaves the folder"),
+    "drive": ({"file_path": "C:\\x.png"}, "leaves the folder"),
+    "link outside": ({"file_path": "train/link"}, "link out of the folder"),
+    "path too long": ({"file_path": "x" * 5000}, "file_path"),
+    "missing image": ({"file_path": "./train/r_9"}, "no image"),
+    "folder as image": ({"file_path": "./train"}, "no image"),
+    "twice the same": ({"file_path": "./train/r_1"}, "list each image once"),
+    "three rows": ({"transform_matrix": POSES[0].tolist()[:3]}, "four rows"),
+    "ragged": ({"transform_matrix": [*POSES[0].tolist()[:3], [0, 0, 1]]}, "four rows"),
+    "text in the matrix": ({"transform_matrix": matrix_with(1, 2, "x")}, r"`str` .*transform_matrix\[1\]\[2\]"),
+    "truth in the matrix": ({"transform_matrix": matrix_with(0, 0, True)}, "`bool` .*finite numbers"),
+    "huge integer": ({"transform_matrix": matrix_with(0, 0, 10**400)}, "finite"),
+    "scaled": ({"transform_matrix": np.diag([2.0, 2, 2, 1]).tolist()}, "not a rotation"),
+}
+"""`test_viewpoints.py` and case C1 have other matrices and angles that are none."""
+AT_THE_TOP: dict[str, tuple[dict[str, Any], str]] = {
+    "no angle": ({"camera_angle_x": None}, "neither camera_angle_x nor fl_x"),
+    "angle of another type": ({"camera_angle_x": "0.69"}, "`str` .*camera_angle_x"),
+    "angle in degrees": ({"camera_angle_x": 39.6}, "radians"),
+    "zero frames": ({"frames": []}, "length >= 1 .*frames"),
+    "frame of another type": ({"frames": [7]}, r"`int` .*frames\[0\]"),
+    "two focal lengths": ({"fl_x": 100.0, "fl_y": 90.0}, "camera_angle_x is 0.69, and fl_x and w say 0.0399"),
+    "two angles": ({"camera_angle_y": 0.5, "w": 40, "h": 40}, "camera_angle_y is 0.5, and of square pixels it is 0.69"),
+    "only a vertical focal length": ({"fl_y": 90.0}, "fl_y without fl_x"),
+    "no width": ({"cx": 2.0, "w": 0}, r"`float` > 1e-06 .*\.w`"),
+    "orthographic": ({"is_orthographic": True}, "is_orthographic is True"),
+    "a panorama": ({"camera_model": "EQUIRECTANGULAR"}, "EQUIRECTANGULAR.*undistort"),
+    "two distortions": ({"k1": 0.1, "distortion_params": [0.2]}, "k1 is 0.1, and 0.2 in distortion_params"),
+    "a long list": ({"distortion_params": [0.0] * 6 + [0.1]}, "distortion_params has 7 numbers"),
+    "no pinhole": ({"cx": 9.0, "w": 4, "h": 4}, "no pinhole fits"),
+    "a mask": ({"mask_path": "mask.png"}, "mask_path.*alpha"),
+    "distortion of another type": ({"distortion_params": 0.1}, "`float` .*distortion_params"),
+    "distortion of a high order": ({"k6": 0.1}, "k6 is 0.1"),
+}
 
 
-@pytest.mark.parametrize(("change", "message"), [row[1:] for row in FRAME_DAMAGE], ids=[row[0] for row in FRAME_DAMAGE])
-def test_bad_frames_are_refused(folder: Path, change: dict[str, Any], message: str) -> None:
+@pytest.mark.parametrize("name", [*IN_A_FRAME, *AT_THE_TOP])
+def test_bad_values_are_refused(folder: Path, name: str) -> None:
+    change, message = (IN_A_FRAME | AT_THE_TOP)[name]
     (folder / "train" / "link.png").symlink_to(folder.parent / "outside.png")
-    edit(folder, lambda data: data["frames"][0].update(change))
-    with pytest.raises(InputError, match=message) as caught:
-        read_transforms(folder, "train")
-    assert "frame" in str(caught.value)
-    assert "transforms_train.json" in str(caught.value)
-
-
-HEAD_DAMAGE: list[tuple[str, dict[str, Any], str]] = [
-    ("no angle", {"camera_angle_x": None}, "neither camera_angle_x nor fl_x"),
-    ("angle of another type", {"camera_angle_x": "0.69"}, "`str` .*camera_angle_x"),
-    ("angle zero", {"camera_angle_x": 0}, "between 0.0017 and π"),
-    ("angle negative", {"camera_angle_x": -0.69}, "between 0.0017 and π"),
-    ("angle in degrees", {"camera_angle_x": 39.6}, "radians"),
-    ("angle of π", {"camera_angle_x": math.pi}, "between 0.0017 and π"),
-    ("no frames", {"frames": None}, "`null` .*frames"),
-    ("zero frames", {"frames": []}, "length >= 1 .*frames"),
-    ("frames of another type", {"frames": {"a": 1}}, "`object` .*frames"),
-    ("frame of another type", {"frames": [7]}, r"`int` .*frames\[0\]"),
-    ("two focal lengths", {"fl_x": 100.0, "fl_y": 90.0}, "camera_angle_x is 0.69, and fl_x and w say 0.0399"),
-    ("two angles", {"camera_angle_y": 0.5, "w": 40, "h": 40}, "camera_angle_y is 0.5, and of square pixels it is 0.69"),
-    ("only a vertical focal length", {"fl_y": 90.0}, "fl_y without fl_x"),
-    ("no width", {"cx": 2.0, "w": 0}, r"`float` > 1e-06 .*\.w`"),
-    ("orthographic", {"is_orthographic": True}, "is_orthographic is True"),
-    ("a panorama", {"camera_model": "EQUIRECTANGULAR"}, "EQUIRECTANGULAR.*undistort"),
-    ("two distortions", {"k1": 0.1, "distortion_params": [0.2]}, "k1 is 0.1, and 0.2 in distortion_params"),
-    ("a long list", {"distortion_params": [0.0] * 6 + [0.1]}, "distortion_params has 7 numbers"),
-    ("no pinhole", {"cx": 9.0, "w": 4, "h": 4}, "no pinhole fits"),
-    ("a mask", {"mask_path": "mask.png"}, "mask_path.*alpha"),
-    ("distortion of another type", {"distortion_params": 0.1}, "`float` .*distortion_params"),
-    ("distortion of a high order", {"k6": 0.1}, "k6 is 0.1"),
-]
-
-
-@pytest.mark.parametrize(("change", "message"), [row[1:] for row in HEAD_DAMAGE], ids=[row[0] for row in HEAD_DAMAGE])
-def test_bad_heads_are_refused(folder: Path, change: dict[str, Any], message: str) -> None:
-    edit(folder, lambda data: data.update(change))
+    edit(folder, lambda data: (data["frames"][0] if name in IN_A_FRAME else data).update(change))
     with pytest.raises(InputError, match=message) as caught:
         read_transforms(folder, "train")
     assert "transforms_train.json" in str(caught.value)
+    assert "frame" in str(caught.value) or name in AT_THE_TOP
 
 
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"", "not valid JSON"),
         (b"{", "not valid JSON"),
         (b"\xff\xfe\x00", "not valid JSON"),
         (b"[]", "Expected `object`"),

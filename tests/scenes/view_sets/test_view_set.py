@@ -18,6 +18,7 @@ from scenes.view_sets.manifest import DamagedViewSet, note, salvaged, write_mani
 from scenes.view_sets.pixels import area_average, decode_srgb, over_white
 from scenes.view_sets.view_set import ViewSet, read_view_set
 from scenes.view_sets.viewpoints import FOV_X_RADIANS, all_poses, camera_to_world
+from tests.scenes.captures import flip
 
 
 def test_round_trip(stored_once: Path) -> None:
@@ -135,14 +136,12 @@ def replaced(folder: Path, old: str, new: str) -> None:
     ("damage", "message"),
     [
         (lambda folder: Image.new("RGB", (40, 40)).save(folder / "train/r_3.png"), "r_3.png: 3 channels, no alpha"),
-        (lambda folder: Image.new("L", (40, 40)).save(folder / "train/r_3.png"), "r_3.png: 1 channels, no alpha"),
         (lambda folder: write_png(folder / "train/r_3.png", np.zeros((40, 41, 4))), "r_3.png: 41 × 40 pixels.*40 × 40"),
         (
             lambda folder: [write_png(file, np.zeros((20, 20, 4))) for file in folder.glob("test/r_?.png")],
             "test/r_0.png: 20 × 20 pixels",
         ),
         (lambda folder: (folder / "train/r_3.png").write_text("hello"), "r_3.png: not an image"),
-        (lambda folder: (folder / "train/r_3.png").unlink(), "no image .*r_3"),
         (lambda folder: (folder / "transforms_test.json").unlink(), "transforms_test.json: missing"),
         (lambda folder: replaced(folder, "0.6911112070083618", "0.5"), "camera_angle_x differs"),
         (lambda folder: replaced(folder, "./test/r_0", "./train/r_0"), "training and a test view"),
@@ -197,12 +196,7 @@ def test_another_manifest_is_refused(view_set: Path, change: Callable[[str], str
 @pytest.mark.parametrize("name", ["train/r_0.exr", "transforms_test.json"])
 @pytest.mark.parametrize("how", ["flip", "remove"])
 def test_a_damaged_file_is_noticed(view_set: Path, name: str, how: str) -> None:
-    file = view_set / name
-    data = bytearray(file.read_bytes())
-    data[len(data) // 2] ^= 4
-    file.unlink()
-    if how == "flip":
-        file.write_bytes(data)
+    flip(view_set / name) if how == "flip" else (view_set / name).unlink()
     with pytest.raises(InputError, match=name):
         read_view_set(view_set)
 

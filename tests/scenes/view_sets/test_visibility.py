@@ -20,10 +20,7 @@ BALL = 0.9
 
 
 def stack(*images: np.ndarray) -> ImageStack:
-    pixels = ImageStack((SIZE, SIZE, 4))
-    for image in images:
-        pixels.append(image.astype(np.float32))
-    return pixels
+    return ImageStack.of(image.astype(np.float32) for image in images)
 
 
 def ball_seen(count: int = 8) -> ViewSet:
@@ -38,6 +35,10 @@ def ball_seen(count: int = 8) -> ViewSet:
     empty = Split((), np.zeros((0, 4, 4)), ImageStack((SIZE, SIZE, 4)))
     box = np.array([[-1.0] * 3, [1.0] * 3])
     return ViewSet(Path("ball"), "ball", "", SIZE, SIZE, FOV, 2.0, 6.0, box, train, empty, empty)
+
+
+def with_training(views: ViewSet, *images: np.ndarray) -> ViewSet:
+    return replace(views, train=replace(views.train, rgba=stack(*images)))
 
 
 def with_poses(views: ViewSet, poses: np.ndarray) -> ViewSet:
@@ -112,10 +113,6 @@ def test_single_cameras_that_are_off_are_named() -> None:
     assert visibility_of(opaque).views.shape == (20,)
 
 
-def with_training(views: ViewSet, *images: np.ndarray) -> ViewSet:
-    return replace(views, train=replace(views.train, rgba=stack(*images)))
-
-
 def test_odd_alpha_is_a_caution() -> None:
     views = ball_seen()
     disc = next(iter(views.train.rgba))
@@ -143,9 +140,9 @@ def test_a_box_that_cuts_the_object_is_a_caution() -> None:
 
 def test_without_alpha_only_rays_count() -> None:
     views = ball_seen()
-    complete = replace(views, train=replace(views.train, rgba=stack(*[np.ones((SIZE, SIZE, 4))] * 8)))
+    complete = with_training(views, *[np.ones((SIZE, SIZE, 4))] * 8)
     assert visibility_of(complete).covered is None
-    nothing = replace(views, train=replace(views.train, rgba=stack(*[np.zeros((SIZE, SIZE, 4))] * 8)))
+    nothing = with_training(views, *[np.zeros((SIZE, SIZE, 4))] * 8)
     with pytest.raises(InputError, match="no training view has a covered pixel; save the object's silhouette"):
         cautions(nothing, visibility_of(nothing))
     rendered = replace(nothing, rendered={"variant": "scalar_rgb"})
@@ -164,10 +161,7 @@ def test_premultiplied_colours_are_suspected_only_of_bright_objects(albedo: floa
     edge = np.zeros((SIZE, SIZE, 4))
     edge[4:-4, 4:-4] = [albedo, 0.5 * albedo, 0.0, 1.0]
     edge[4:-4, 4:8, 3] = 0.25
-    straight = replace(views, train=replace(views.train, rgba=stack(*[edge] * 8)))
-    assert not is_premultiplied(straight)
+    assert not is_premultiplied(with_training(views, *[edge] * 8))
     edge[..., :3] *= edge[..., 3:]
-    multiplied = replace(views, train=replace(views.train, rgba=stack(*[edge] * 8)))
-    assert is_premultiplied(multiplied) == (albedo > 0.5)
-    few = replace(views, train=replace(views.train, rgba=stack(edge)))
-    assert not is_premultiplied(few), "64 pixels are too few"
+    assert is_premultiplied(with_training(views, *[edge] * 8)) == (albedo > 0.5)
+    assert not is_premultiplied(with_training(views, edge)), "64 pixels are too few"

@@ -15,16 +15,7 @@ from harness.plan.run_plan import Machine
 from harness.records.json_record import write_json
 from harness.studies.choices import constants
 from harness.studies.choices.arms import trained_cell
-from harness.studies.choices.constants import (
-    READINGS,
-    SHARE,
-    ConstantsRow,
-    finalists,
-    means,
-    pairs_of,
-    read_rows,
-    search,
-)
+from harness.studies.choices.constants import READINGS, SHARE, ConstantsRow, finalists, pairs_of, read_rows, search
 from scenes.files.errors import InputError
 from tests.harness.ball import ball_with_validation_views
 from tests.harness.tiny import TRAIN
@@ -47,7 +38,7 @@ BRIEF = rows_of("nerf", {FIRST: (30.0, 20.0), SECOND: (24.0, 24.0), LOST: (20.0,
 
 def test_the_best_mean_after_all_steps_is_chosen() -> None:
     full = rows_of("nerf", {FIRST: (25.0, 25.0), SECOND: (20.0, 31.0), LOST: (10.0, 10.0)}, 40)
-    assert list(means(BRIEF, "nerf")) == [FIRST, SECOND, LOST]
+    assert list(constants.means(BRIEF, "nerf")) == [FIRST, SECOND, LOST]
     assert constants.chosen(BRIEF + full, 40) == {"nerf": SECOND}
 
 
@@ -92,9 +83,7 @@ def test_every_pair_that_a_method_can_have_is_tried() -> None:
     assert {method for method, starts in READINGS.items() if None in starts} == READINGS.keys() - {"qnerf_shifted"}
 
 
-def test_a_tiny_search_trains_every_pair_and_then_the_finalists(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_tiny_search_trains_each_pair_and_then_the_finalists(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(constants, "trained_cells", lambda tasks, workers: map(trained_cell, tasks))
     monkeypatch.setattr(constants, "UNITS", (3.0, 25.0))
     folder = ball_with_validation_views(tmp_path / "ball")
@@ -111,9 +100,7 @@ def test_a_tiny_search_trains_every_pair_and_then_the_finalists(
     file = tmp_path / "record.json"
     write_json(file, constants.as_json(rows[3:], plan, {}))
     again = search(plan, {"ball": folder}, tmp_path, 1, "cpu", read_rows(file, plan))
-    assert sorted(map(_result, chain(*again))) == sorted(map(_result, rows)), (
-        "what is missing is trained in the same way"
-    )
+    assert sorted(map(_result, chain(*again))) == sorted(map(_result, rows)), "what is missing is trained alike"
     with pytest.raises(InputError, match="was made with other settings"):
         read_rows(file, planned("smoke", methods=["qnerf"], budget_steps=SHARE, resolution=16))
     file.write_text("[]")
@@ -149,7 +136,7 @@ def test_the_constants_are_those_of_the_published_search() -> None:
     choice = constants.chosen(rows, plan.budget.steps or 0)
     assert choice == chosen("reduced")
     full = [row for row in rows if row.steps == plan.budget.steps]
-    best = max(("qnerf_shifted", *CANDIDATES), key=lambda method: means(full, method)[choice[method]])
+    best = max(("qnerf_shifted", *CANDIDATES), key=lambda method: constants.means(full, method)[choice[method]])
     assert CATALOG["qnerf_repaired"].parts == CATALOG[best].parts
     assert {row.scene for row in rows} == set(plan.scenes)
     seed = json.loads(Path("docs/constants.json").read_text(encoding="utf-8"))["seed"]

@@ -13,19 +13,9 @@ from harness.plan.needed import LEFT_OUT_BY, for_scene, kept, needs_here
 from harness.plan.run_plan import Machine, Plan
 from harness.plan.schedule import Budget
 from harness.records.cells import LeftOut, empty_cell
+from harness.studies.choices import omissions
 from harness.studies.choices.arms import Arm, CellArms, CellTask, Ended, Rerendered, trained_cell
-from harness.studies.choices.omissions import (
-    cell_tasks,
-    controls_of,
-    omissions_of,
-    too_costly,
-    verdict_on,
-    verifiable,
-    verify_run,
-    with_bands,
-    with_half_the_bins,
-    with_measurements,
-)
+from harness.studies.choices.omissions import omissions_of, verifiable
 from harness.verdicts.statistics import paired_difference
 from scenes.modelling.needs import PARTS, Need, Needs, as_rows, left_out, needs_of, with_needs
 from scenes.rendering.checks import in_blocks
@@ -126,17 +116,17 @@ def test_silhouettes_tell_what_they_leave(ball: ViewSet) -> None:
 
 def test_every_cell_has_an_arm_for_each_omission(ball: ViewSet, tmp_path: Path) -> None:
     views = {"ball": known(ball, {**SOLID, "view_direction": Need("view_direction", True, "conductor")})}
-    (task,) = cell_tasks(ball_plan(), views, {"ball": tmp_path}, tmp_path)
+    (task,) = omissions.cell_tasks(ball_plan(), views, {"ball": tmp_path}, tmp_path)
     assert task.arms == {
         "as planned": Arm(rendered_with=("behind_opaque",)),
         "outside_box": Arm(need=("outside_box",)),
         **{name: Arm(need=(name,)) for name in ("empty_space", "outside_hull", "behind_matter")},
     }
-    (task,) = cell_tasks(ball_plan(), views, {"ball": tmp_path}, tmp_path, controls=True)
+    (task,) = omissions.cell_tasks(ball_plan(), views, {"ball": tmp_path}, tmp_path, controls=True)
     assert task.arms["no view_direction"] == Arm(no_need=("view_direction",))
-    assert task.arms["no bands"] == with_bands(ball_plan(), 0)
+    assert task.arms["no bands"] == omissions.with_bands(ball_plan(), 0)
     # 24 pixels and their 12 cycles: 2⁴ is enough
-    assert task.arms["Nyquist"] == with_bands(ball_plan(), 4)
+    assert task.arms["Nyquist"] == omissions.with_bands(ball_plan(), 4)
     assert task.arms["half the bins"].train["bins"] == TRAIN.bins // 2
 
 
@@ -147,9 +137,9 @@ def test_arms_share_batches_and_weights(tmp_path: Path) -> None:
         "again": Arm(),
         "outside_box": Arm(need=("outside_box",)),
         "no direction": Arm(no_need=("view_direction",)),
-        "no bands": with_bands(ball_plan(), 0),
+        "no bands": omissions.with_bands(ball_plan(), 0),
         "outside_hull": Arm(need=("outside_hull",)),
-        "half the bins": with_half_the_bins(ball_plan()),
+        "half the bins": omissions.with_half_the_bins(ball_plan()),
     }
     plan = replace(ball_plan(), budget=Budget(16, None))
     cell = trained_cell(CellTask("ball", "nerf", 0, write_ball(tmp_path / "ball"), tmp_path, plan, arms))
@@ -189,7 +179,7 @@ def test_an_omission_is_without_less_with() -> None:
 def test_what_costs_more_is_named() -> None:
     costly = omissions_of(cells_with((20.0, 21.0), (21.0, 22.1), (22.0, 22.9), largest=2e-4))
     assert [omission.verdict for omission in costly] == ["costs more"] * 2
-    assert too_costly(costly) == costly
+    assert omissions.too_costly(costly) == costly
     assert "lego: samples in empty space: -1" in costly[0].line
     assert costly[0].line.endswith("costs more (0.2 dB)")
 
@@ -215,18 +205,18 @@ def test_a_cell_that_only_diverges_without_the_part_costs_more() -> None:
     ],
 )
 def test_verdicts(costs: list[float], verdict: str) -> None:
-    assert verdict_on(paired_difference(np.array(costs)), 0.2) == verdict
+    assert omissions.verdict_on(paired_difference(np.array(costs)), 0.2) == verdict
 
 
 def test_controls_have_the_opposite_sign() -> None:
     """A value below 0 is what leaving out the needed part loses."""
     arms = {"as planned": ended(25.0), "no view_direction": ended(22.0), "no bands": ended(19.0)}
     cells = [CellArms("lego", "nerf", seed, arms) for seed in range(2)]
-    direction, bands = controls_of(cells)
+    direction, bands = omissions.controls_of(cells)
     assert (direction.name, direction.difference, direction.verdict) == ("view_direction", -3.0, "costs more")
     assert (bands.name, bands.difference) == ("high_bands", -6.0)
     assert "needed ones too" in bands.title
-    assert controls_of(cells_with((1.0, 1.0))) == []
+    assert omissions.controls_of(cells_with((1.0, 1.0))) == []
 
 
 def test_blocks_are_means_and_a_rest_at_the_border_is_left() -> None:
@@ -242,8 +232,8 @@ def test_what_was_measured_fills_what_was_left_out() -> None:
         LeftOut("samples in empty space", "mostly", None, None, None, "empty_space"),
         LeftOut("background model", "alpha", None, None, None),
     ]
-    omission, _ = omissions = omissions_of(cells_with((20.0, 20.1), (21.0, 21.1)))
-    measured, untouched = with_measurements(rows, omissions)
+    omission, _ = found = omissions_of(cells_with((20.0, 20.1), (21.0, 21.1)))
+    measured, untouched = omissions.with_measurements(rows, found)
     for name in ("difference", "seconds_saved", "interval", "verdict"):
         assert getattr(measured, name) == getattr(omission, name) is not None
     assert untouched == rows[1]
@@ -263,4 +253,4 @@ def test_forcing_does_not_change_what_is_read(tmp_path: Path) -> None:
 def test_without_a_trained_method_of_the_plan_nothing_is_tried(tmp_path: Path) -> None:
     explaining = empty_cell("ball", "qnerf_printed", 0, "done", "")
     cells = [empty_cell("ball", "nerf", 0, "diverged", "loss"), explaining]
-    assert verify_run(ball_plan(), Machine("cpu", 1, 1), tmp_path, Quiet(), cells, [], {}) == []
+    assert omissions.verify_run(ball_plan(), Machine("cpu", 1, 1), tmp_path, Quiet(), cells, [], {}) == []

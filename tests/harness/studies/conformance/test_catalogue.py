@@ -4,15 +4,12 @@ import pytest
 
 from baselines.catalog import CATALOG
 from harness.machine.device import use_threads
-from harness.studies.conformance.method_checks import CHECKS, FIELD_CHECKS, LEARNER_CHECKS, conformance, meaning
+from harness.studies.conformance.method_checks import CHECKS, FIELD_CHECKS, LEARNER_CHECKS, meaning
 from harness.studies.conformance.subject import Subject
 from tests.harness.voxels import drjit_or_skip
 
 NETWORKS = [name for name, method in CATALOG.items() if method.is_field]
-UNLIKE = {
-    (method.parts.amplifier, method.parts.quadrature) if method.parts else name: name
-    for name, method in CATALOG.items()
-}
+UNLIKE = {(each.parts.amplifier, each.parts.quadrature) if each.parts else name: name for name, each in CATALOG.items()}
 """One method of each amplifier and rule, and each that is not made of parts: other encodings and skips are trained by
 the same code, and `test_finished` trains and restores every method.
 """
@@ -51,12 +48,3 @@ def test_learners_conform(method: str, check: str) -> None:
 def test_every_method_has_a_title_and_every_check_a_meaning() -> None:
     assert all(method.title.strip() for method in CATALOG.values())
     assert all(map(meaning, CHECKS))
-
-
-@pytest.mark.slow
-@pytest.mark.thorough
-def test_checks_of_fields_do_not_apply_to_voxels() -> None:
-    drjit_or_skip()
-    verdicts = {outcome.check: outcome.verdict for outcome in conformance(Subject("voxels_drjit"))}
-    assert {name for name, verdict in verdicts.items() if verdict == "not applicable"} == set(FIELD_CHECKS)
-    assert {name for name, verdict in verdicts.items() if verdict == "held"} == set(LEARNER_CHECKS)

@@ -11,32 +11,19 @@ from scipy.stats import nct
 
 from harness.records.study import Check, Series, Table
 from harness.studies.evidence import calibration as study
-from harness.studies.evidence.calibration import (
-    ALONE,
-    ELSEWHERE,
-    HERE,
-    KINDS,
-    ONE_BAD,
-    POWER,
-    ROBUST,
-    Scatter,
-    calibration,
-    checks,
-    published_scatter,
-    simulate,
-)
+from harness.studies.evidence.calibration import ALONE, ELSEWHERE, HERE, ROBUST, calibration, simulate
 from harness.verdicts.estimates import nested
 from harness.verdicts.statistics import critical, on_one_scene, on_these_scenes, scenes_like_these
 from tests.harness.studies.evidence.planted import context_of
 
 COUNT = 1000
-SCATTER = Scatter("planted", 0.12, (0.04, 0.07, 0.1, 0.3))
+SCATTER = study.Scatter("planted", 0.12, (0.04, 0.07, 0.1, 0.3))
 
 
 def checks_of_a_small_grid() -> list[Check]:
     grid = [simulate(noise, 8, 3, 0.2, SCATTER, COUNT) for noise in study.NOISE]
-    default, bad = (simulate(noise, 8, 3, 0.12, SCATTER, COUNT) for noise in ("unequal scenes", ONE_BAD))
-    return list(checks(grid, default, bad, {}, COUNT))
+    default, bad = (simulate(noise, 8, 3, 0.12, SCATTER, COUNT) for noise in ("unequal scenes", study.ONE_BAD))
+    return list(study.checks(grid, default, bad, {}, COUNT))
 
 
 @pytest.mark.parametrize(("factor", "failures"), [(1.0, 0), (0.5, 12), (3.0, 14)])
@@ -72,7 +59,7 @@ def test_many_at_once_are_what_one_is() -> None:
 def test_power_is_that_of_the_noncentral_t_distribution() -> None:
     results = simulate("equal scenes", 8, 3, 0.12, SCATTER, 20_000).power
     error = ((0.12**2 + SCATTER.pooled**2 / 3) / 8) ** 0.5
-    for effect in POWER:
+    for effect in study.POWER:
         assert results[ALONE][effect] == pytest.approx(nct.sf(2.364624, 7, effect / error), abs=0.012)
         assert results[ELSEWHERE][effect] == pytest.approx(nct.sf(critical(7, 6), 7, effect / error), abs=0.012)
 
@@ -84,7 +71,7 @@ def test_the_interval_on_these_scenes_does_not_answer_for_others() -> None:
 
 
 def test_one_bad_cell_hides_an_effect_from_means_and_not_from_the_robust_estimate() -> None:
-    usual, bad = (simulate(noise, 8, 3, 0.12, SCATTER, COUNT) for noise in ("unequal scenes", ONE_BAD))
+    usual, bad = (simulate(noise, 8, 3, 0.12, SCATTER, COUNT) for noise in ("unequal scenes", study.ONE_BAD))
     assert usual.power[ALONE][0.3] > 0.9
     assert bad.power[ALONE][0.3] < 0.1
     assert min(usual.power[ROBUST][0.3], bad.power[ROBUST][0.3]) > 0.85
@@ -112,12 +99,12 @@ def test_the_scatter_is_read_from_the_published_run_and_named(tmp_path: Path) ->
     file.parent.mkdir()
     run = {"scenes": [{"scene": str(scene)} for scene in range(400)], "seeds": [0, 1, 2, 3], "cells": cells}
     file.write_text(json.dumps(run | {"provenance": {"commit": "abc"}}))
-    results = published_scatter(file)
+    results = study.published_scatter(file)
     assert results.source == "qnerf − nerf in reduced/summary.json, commit abc"
     assert results.scene_sd == pytest.approx(0.3, rel=0.15)
     assert results.pooled == pytest.approx(np.sqrt(np.mean(sds**2)), rel=0.1)
     assert max(results.seed_sds) > 3 * float(np.median(results.seed_sds)), "no scene is smoothed"
-    assert published_scatter(tmp_path / "none.json") == study.ASSUMED
+    assert study.published_scatter(tmp_path / "none.json") == study.ASSUMED
 
 
 def test_the_study_is_complete(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -130,5 +117,5 @@ def test_the_study_is_complete(monkeypatch: pytest.MonkeyPatch) -> None:
     (table,) = (finding for finding in results if isinstance(finding, Table))
     assert len(table.rows) == 2 + len(study.NOISE) * 2 * 3
     assert {len(row) for row in table.rows} == {len(table.columns)}
-    assert len(table.columns) == 4 + len(KINDS) + 4
+    assert len(table.columns) == 4 + len(study.KINDS) + 4
     assert {finding.name for finding in results if isinstance(finding, Series)} == {HERE, ELSEWHERE, ALONE, ROBUST}

@@ -6,25 +6,15 @@ import numpy as np
 import pytest
 
 from harness.records.study import Effect
-from harness.studies.evidence.contrasts import (
-    Design,
-    chosen,
-    common_steps,
-    contrast,
-    contrast_effects,
-    contrast_tables,
-    duel,
-    line,
-    scores_together,
-    signs,
-)
+from harness.studies.evidence import contrasts
+from harness.studies.evidence.contrasts import contrast, contrast_effects, scores_together
 from harness.verdicts.comparisons import FEWEST_SEEDS, differences, keyed
 from tests.harness.cells import cell, checkpoint, diverged
 from tests.harness.studies.evidence.planted import STEPS, planted, with_diverged
 from tests.replacing import replace
 
 FACTORS = ("a", "b", "c")
-DESIGN = Design(
+DESIGN = contrasts.Design(
     FACTORS,
     {corner: "m" + "".join(name for name, on in zip(FACTORS, corner, strict=True) if on)
      for corner in product((False, True), repeat=3)},
@@ -34,7 +24,7 @@ ZERO = dict.fromkeys(DESIGN.terms(), 0.0)
 
 
 def test_the_design_matrix_is_orthogonal_and_balanced() -> None:
-    matrix = np.array([np.ones(8), *(signs(DESIGN, term) for term in DESIGN.terms())])
+    matrix = np.array([np.ones(8), *(contrasts.signs(DESIGN, term) for term in DESIGN.terms())])
     assert np.array_equal(matrix @ matrix.T, 8 * np.eye(8))
     assert set(np.unique(matrix)) == {-1.0, 1.0}
 
@@ -56,13 +46,13 @@ def test_one_factor_is_the_difference_that_a_run_compares() -> None:
     cells = planted(DESIGN, PLANTED, noise=0.3, seconds=lambda method: 10.0 + 3 * len(method))
     by_key, scenes, seeds = keyed(cells)
     for budget in ("steps", "seconds"):
-        ours = contrast_tables(duel("ma", "m"), ("ma",), cells, "psnr", budget)
+        ours = contrasts.contrast_tables(contrasts.duel("ma", "m"), ("ma",), cells, "psnr", budget)
         theirs = differences(by_key, scenes, seeds, "ma", "m", "psnr", budget)
         assert all(np.allclose(ours[scene], theirs[scene]) for scene in scenes)
 
 
 def named(effects: list[Effect], scene: str, budget: str = "steps") -> dict[str, Effect]:
-    return {effect.name: effect for effect in chosen(effects, scene=scene, budget=budget)}
+    return {effect.name: effect for effect in contrasts.chosen(effects, scene=scene, budget=budget)}
 
 
 def test_effects_are_those_planted_on_every_scene_and_over_all() -> None:
@@ -129,11 +119,11 @@ def test_checkpoints_that_not_all_have_are_not_common() -> None:
         cell("lego", method, 0, [checkpoint(first, 1.0, 20.0), checkpoint(50, 5.0, 22.0)])
         for method, first in (("x", 10), ("y", 20))
     ]
-    assert common_steps([*cells, diverged("lego", "z", 0)]) == [50]
-    assert common_steps([diverged("lego", "z", 0)]) == []
+    assert contrasts.common_steps([*cells, diverged("lego", "z", 0)]) == [50]
+    assert contrasts.common_steps([diverged("lego", "z", 0)]) == []
 
 
 def test_a_line_has_a_gap_where_there_is_nothing() -> None:
     tables = {1.0: {"lego": np.array([np.nan])}, 2.0: {"lego": np.array([1.0])}}
-    drawn = line(tables, panel="p", name="n", x_label="x")
+    drawn = contrasts.line(tables, panel="p", name="n", x_label="x")
     assert (drawn.y, drawn.low, drawn.high) == ([None, 1.0], [None, None], [None, None])

@@ -49,7 +49,7 @@ class Needless(Planted):
 
 def context_of(losses: dict[str, float], without: tuple[str, ...] = (), **others: list[CellRecord]) -> Needless:
     """Three scenes, three seeds."""
-    folder, cells = Path(), {}
+    here, cells = Path(), {}
     for name in dict.fromkeys(name for control in CONTROLS for name in (control.baseline, control.training)):
         methods = {"nerf": losses.get(name, 0.0)}
         if f"nerf_{name}" in ("nerf_no_encoding", "nerf_no_direction"):
@@ -60,9 +60,7 @@ def context_of(losses: dict[str, float], without: tuple[str, ...] = (), **others
             for method, loss in methods.items()
             for seed in range(3)
         ]
-    return Needless(
-        folder, folder, folder, False, Quiet(), Machine("cpu", 1, 1), True, {**cells, **others}, without=without
-    )
+    return Needless(here, here, here, False, Quiet(), Machine("cpu", 1, 1), True, {**cells, **others}, without=without)
 
 
 def checks(here: Needless) -> list[Check]:

@@ -10,7 +10,7 @@ import pytest
 from harness.execution.progress import Quiet
 from harness.plan.run_plan import Machine
 from harness.records.cells import CellRecord
-from harness.records.study import Effect, Series, StudyRecord, Table
+from harness.records.study import Effect, Series, StudyRecord
 from harness.studies.framework import Found
 from harness.studies.frontier.costs import time_to_score
 from harness.studies.frontier.error_against_time import error_against_time
@@ -22,6 +22,7 @@ from harness.studies.frontier.phi import phi
 from harness.studies.trained_context import StudyRun
 from scenes.files.errors import InputError
 from tests.harness.cells import cell, checkpoint, diverged
+from tests.harness.studies.evidence.planted import table
 
 SCENES = ("ficus", "lego", "mic")
 OFFSETS = dict(zip(SCENES, (0.0, 5.0, 2.0), strict=True))
@@ -62,11 +63,6 @@ def two_families(lost: tuple[str, str, float] | None = None) -> Planted:
         for budget, means in SCORES.items()
     }
     return planted(cells)
-
-
-def table(findings: list[Found], name: str) -> Table:
-    (only,) = (finding for finding in findings if isinstance(finding, Table) and finding.id == name)
-    return only
 
 
 def line(findings: Iterable[Found], name: str = "nerf", scene: str = "all scenes") -> Series:

@@ -75,9 +75,7 @@ def ball_plan() -> Plan:
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["nerf", "qnerf_repaired"])
 @pytest.mark.parametrize("change", ["grid", "precision"])
-def test_final_scores_are_equivalent(
-    change: Change, method: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_scores_are_equivalent(change: Change, method: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Four paired seeds; the 95 % interval lies within ± 1 dB.
 
     `qnerf` shows only background on this scene with most seeds, in any case. The box has no hull, which for ten small

@@ -1,13 +1,31 @@
-"""The criteria of the cases about scenes: noise, closed forms, gaps, refusals. Nothing here is trained."""
+"""The criteria of cases about scenes: noise, closed forms, gaps, refusals, broken methods, costly omissions; and one
+run for all of them, in which nothing is trained twice and no scene is dropped. Nothing here is trained.
+"""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from harness.command.plan_options import planned
+from harness.execution import run as execution
+from harness.plan.run_plan import Plan
+from harness.records.cells import CellRecord, RunRecord, SceneRecord, write_cell, write_run
+from harness.studies.choices.omissions import Omission, Verdict
+from harness.studies.stability.stability_context import StabilityContext
 from harness.studies.stability.whole_scenes import scene_truth
+from harness.studies.stability.whole_scenes.ladder_cases import (
+    LEAST_RUNGS,
+    RungScore,
+    _worst,
+    outcome_of,
+    rungs_climbed,
+    score_of,
+    share_of_views,
+    worst,
+)
 from harness.studies.stability.whole_scenes.scene_cases import (
     FIGURES,
     RAW,
@@ -31,17 +49,23 @@ from harness.studies.stability.whole_scenes.scene_truth import (
     closed_form,
     colour_variance,
     each_method,
+    mse_over_tests,
     scores_table,
+    share_of_looks,
+    trained,
     unexplained,
     worst_z,
     z_score,
 )
 from scenes.catalog.entries import STRESS
+from scenes.catalog.ladders.ladders import LADDERS
 from scenes.catalog.stress.wires import RESOLUTION
 from scenes.modelling.normalise import Similarity
 from scenes.modelling.truth import Seen, pixel_means
+from scenes.view_sets.image_stack import ImageStack
+from scenes.view_sets.view_set import Split, ViewSet
 from scenes.view_sets.viewpoints import FOV_X_RADIANS
-from tests.harness.cells import cell, checkpoint
+from tests.harness.cells import cell, checkpoint, diverged
 from tests.harness.studies.stability.made_up import context_in, pictured, run_of
 
 
@@ -210,3 +234,205 @@ def test_covered_share_is_in_proportion_to_width() -> None:
 
 def test_the_image_in_the_mirror_lies_behind_it() -> None:
     assert 0.1 < virtual_depth() < 2.0
+
+
+# one run for all cases
+
+planned_scenes: list[tuple[str, ...]] = []
+
+
+def scene_record(name: str) -> SceneRecord:
+    return SceneRecord(name, name, f"{name}-folder", 8, 8, {}, 2.0, 6.0, [[-1.0] * 3, [1.0] * 3], 40.0, 15.0, {}, [])
+
+
+def write(plan: Plan, folder: Path, finished: bool = True) -> None:
+    for key in plan.cells():
+        write_cell(folder, cell(*key, [checkpoint(10, 1.0, 20.0)]))
+    scenes = [scene_record(name) for name in plan.scenes]
+    methods = {name: name for name in plan.methods}
+    write_run(folder, RunRecord("smoke", "", scenes, methods, [], [0], plan.settings(), {}, {}, finished, []))
+
+
+@pytest.fixture
+def context(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> StabilityContext:
+    planned_scenes.clear()
+
+    def fake(plan: Plan, folder: Path, *others: object) -> None:
+        planned_scenes.append(plan.scenes)
+        write(plan, folder)
+
+    monkeypatch.setattr(execution, "run", fake)
+    return context_in(tmp_path, "nerf", "qnerf", quick=False)
+
+
+def test_existing_cells_are_not_trained_again(context: StabilityContext) -> None:
+    for _ in range(3):
+        run = trained(context, "smoke", ["lego"], context.out)
+    assert planned_scenes == [("lego",)]
+    assert [cell.method for cell in run.of("lego")] == ["nerf", "nerf", "qnerf", "qnerf"]
+    assert run.folder("lego") == context.view_sets / "lego-folder"
+
+
+def test_a_later_case_never_narrows_the_record(context: StabilityContext) -> None:
+    trained(context, "smoke", ["lego"], context.out)
+    both = trained(context, "smoke", ["hotdog"], context.out)
+    assert planned_scenes == [("lego",), ("hotdog", "lego")]
+    assert {scene for scene, _ in both.cells} == {"hotdog", "lego"}
+    assert [scene.name for scene in both.run.scenes] == ["hotdog", "lego"]
+    trained(context, "smoke", ["lego"], context.out)
+    assert len(planned_scenes) == 2
+
+
+def test_a_stopped_or_damaged_run_or_one_with_other_settings_is_run_again(context: StabilityContext) -> None:
+    write(context.plan("smoke", ["lego"]), context.out, finished=False)
+    trained(context, "smoke", ["lego"], context.out)
+    assert planned_scenes == [("lego",)]
+    trained(replace(context, methods=("nerf",)), "smoke", ["lego"], context.out)
+    assert len(planned_scenes) == 2
+    (context.out / "records" / "run.json").write_text("{")
+    trained(context, "smoke", ["lego"], context.out)
+    assert len(planned_scenes) == 3
+
+
+@pytest.mark.parametrize(
+    ("record", "status", "is_broken"),
+    [
+        (cell("lego", "nerf", 0, [checkpoint(1, 1.0, 20.0)]), "pass", False),
+        (diverged("lego", "nerf", 0), "fail", True),
+        (diverged("lego", "qnerf", 0), "fail", False),
+        (cell("lego", "nerf", 0, [], status="not_available", reason="no LLVM"), "not_available", False),
+    ],
+)
+def test_a_cell_without_scores_fails_unless_it_is_not_available(
+    record: CellRecord, status: str, is_broken: bool
+) -> None:
+    (outcome,) = each_method(run_of(Path(), record), "lego", "error", lambda _: 0.5, high=1.0)
+    assert (outcome.status, outcome.is_broken) == (status, is_broken)
+    assert outcome.value == (0.5 if status == "pass" else None)
+    assert (record.reason or "") in outcome.why
+
+
+# broken methods
+
+
+def views_of(rgba: np.ndarray) -> ViewSet:
+    test = Split(("test/r_0",), np.eye(4)[None], ImageStack.of([rgba.astype(np.float32)]))
+    none = Split((), np.zeros((0, 4, 4)), ImageStack((8, 8, 4)))
+    box = np.array([[-1.0] * 3, [1.0] * 3])
+    return ViewSet(Path(), "x", "x", 8, 8, 0.7, 2.0, 6.0, box, none, none, test)
+
+
+def half_covered() -> np.ndarray:
+    """A white upper half, and a lower half covered by stripes of 0.2 and 0.8, whose variance is 0.09."""
+    rgba = np.zeros((8, 8, 4))
+    rgba[4:, ::2, :3], rgba[4:, 1::2, :3] = 0.2, 0.8
+    rgba[4:, :, 3] = 1.0
+    return rgba
+
+
+def shown_as(tmp_path: Path, stripes: float, psnr: float) -> tuple[SceneRun, CellRecord]:
+    """A cell that shows the background exactly, and the stripes with that contrast about their mean."""
+    image = np.ones((8, 8, 3))
+    image[4:, ::2], image[4:, 1::2] = 0.5 - 0.3 * stripes, 0.5 + 0.3 * stripes
+    record = cell("frequency_1", "nerf", 0, [checkpoint(1, 1.0, psnr)], pictures=pictured(tmp_path, image))
+    return run_of(tmp_path, record), record
+
+
+@pytest.mark.parametrize(("contrast", "share"), [(1.0, 1.0), (0.0, 0.0), (0.5, 0.75)])
+def test_looks_are_judged_within_the_silhouette(tmp_path: Path, contrast: float, share: float) -> None:
+    run, record = shown_as(tmp_path, contrast, 20.0)
+    assert share_of_looks(run, record, views_of(half_covered())) == pytest.approx(share, abs=0.01)
+
+
+def test_shape_is_judged_over_complete_views() -> None:
+    variance = (0.5 * 1.0 + 0.25 * 0.04 + 0.25 * 0.64) - 0.75**2
+    mse = mse_over_tests(cell("frequency_1", "nerf", 0, []))
+    assert mse == pytest.approx(0.01)
+    assert share_of_views(0.01, views_of(half_covered())) == pytest.approx(1 - 0.01 / variance)
+
+
+def test_only_a_silhouette_is_broken_and_so_is_a_cell_without_scores(tmp_path: Path) -> None:
+    run, record = shown_as(tmp_path, 0.0, 13.0)
+    views = views_of(half_covered())
+    assert score_of(run, record, views, looks=True).broken.startswith("explains")
+    assert score_of(run, record, views, looks=False).broken == "", "the silhouette is most of a complete view"
+    score = score_of(run, diverged("frequency_1", "nerf", 0), views, looks=True)
+    assert score == (None, "diverged: not finite at step 7: loss")
+
+
+GOOD, BROKEN = RungScore(0.9, ""), RungScore(0.1, "explains 10%")
+
+
+def test_the_worst_of_several_seeds_and_the_first_broken_rung_count() -> None:
+    none = RungScore(None, "diverged: x")
+    assert worst([GOOD, BROKEN]) is BROKEN
+    assert worst([BROKEN, none, GOOD]) is none
+    assert rungs_climbed([GOOD, GOOD, BROKEN, GOOD, BROKEN]) == 2
+    assert rungs_climbed([GOOD] * 5) == 5
+
+
+@pytest.mark.parametrize(
+    ("ladder", "method", "climbed", "status", "broke"),
+    [
+        ("frequency", "nerf", [GOOD, *[BROKEN] * 4], "pass", False),
+        ("frequency", "nerf", [BROKEN] * 5, "fail", True),
+        ("frequency", "qnerf", [BROKEN] * 5, "fail", False),
+        ("scale", "nerf", [GOOD] * 5, "pass", False),
+        ("scale", "nerf", [*[GOOD] * 4, BROKEN], "fail", True),
+    ],
+)
+def test_a_method_of_this_harness_must_climb_the_required_rungs(
+    ladder: str, method: str, climbed: list[RungScore], status: str, broke: bool
+) -> None:
+    run = run_of(Path(), cell(f"{ladder}_1", method, 0, []))
+    outcome = outcome_of(LADDERS[ladder], run, method, climbed)
+    assert (outcome.status, outcome.is_broken) == (status, broke)
+
+
+def test_a_method_that_is_not_available_does_not_fail() -> None:
+    assert set(LEAST_RUNGS) == set(LADDERS)
+    missing = cell("frequency_1", "nerf", 0, [], status="not_available", reason="no LLVM")
+    none = [RungScore(None, "not_available: no LLVM")] * 5
+    outcome = outcome_of(LADDERS["frequency"], run_of(Path(), missing), "nerf", none)
+    assert (outcome.status, outcome.why, outcome.is_broken) == ("not_available", "no LLVM", False)
+
+
+# what a scene does not need
+
+
+def omission(
+    verdict: Verdict,
+    difference: float | None,
+    interval: tuple[float, float] | None = (-0.01, 0.01),
+    scene: str = "tiny",
+    pairs: int = 3,
+) -> Omission:
+    return Omission(scene, "nerf", "empty_space", 1.0, "training", difference, interval, pairs, 3 - pairs, verdict)
+
+
+WITHIN = omission("within its bound", 0.01)
+
+
+@pytest.mark.parametrize(
+    ("omitted", "status", "value", "words"),
+    [
+        ([WITHIN, omission("within its bound", -0.02, scene="materials")], "pass", 0.02, "2.0 s saved"),
+        (
+            [omission("inconclusive", -9.0), omission("costs more", -0.5, scene="materials")],
+            "fail", 0.5, "costs more on materials",
+        ),
+        ([WITHIN, omission("inconclusive", -0.02, (-0.6, 0.1))], "inconclusive", 0.02, "[-0.6, +0.1] dB"),
+        ([WITHIN, omission("inconclusive", -0.4, (-0.6, 0.1))], "inconclusive", 0.4, "[-0.6, +0.1] dB"),
+        (
+            [WITHIN, omission("inconclusive", None, None, "materials", pairs=0)],
+            "not_available", None, "materials: samples in empty space: nothing measured",
+        ),
+        ([omission("costs more", None, None, pairs=0)], "fail", None, "costs more on tiny"),
+    ],
+)  # fmt: skip
+def test_the_worst_scene_of_an_omission_decides(
+    omitted: list[Omission], status: str, value: float | None, words: str
+) -> None:
+    outcome = _worst(omitted)
+    assert (outcome.status, outcome.value, outcome.limit) == (status, value, WITHIN.bound)
+    assert words in outcome.why

@@ -1,6 +1,7 @@
-"""Cases about encoding, amplifier, chunks, optimiser, primitives: all run, and their figures match closed forms."""
+"""Cases about encoding, amplifier, chunks, optimiser, primitives, fresh fields: all run, and each detects its fault."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,14 @@ from baselines.numerics.checks import BadDensity
 from baselines.numerics.encoding import PHI
 from baselines.numerics.optimisers import OPTIMISERS
 from harness.records.study import Check, Series, Table
-from harness.studies.stability.fields import amplifier_cases, float64_twin, optimiser_cases, small_training, unit_cases
+from harness.studies.stability.fields import (
+    amplifier_cases,
+    float64_twin,
+    fresh_fields,
+    optimiser_cases,
+    small_training,
+    unit_cases,
+)
 from harness.studies.stability.rays import encoding_cases
 from harness.studies.stability.stability_context import METHODS, StabilityContext
 from tests.harness.studies.stability.made_up import checks, context_in, findings
@@ -117,12 +125,6 @@ def test_networks_learn_their_values_independently() -> None:
     torch.testing.assert_close(both[0], other[0], rtol=0.0, atol=1e-3)
 
 
-def test_true_waves_are_those_of_float64_where_that_is_enough() -> None:
-    x = torch.linspace(-1.0, 1.0, 9)
-    expected = torch.stack([torch.sin(8.0 * math.pi * x.double()), torch.cos(8.0 * math.pi * x.double())], dim=-1)
-    torch.testing.assert_close(encoding_cases.true_waves(x, 2.0, 3), expected, rtol=0.0, atol=1e-13)
-
-
 def test_the_error_of_a_position_that_is_not_finite_is_nan() -> None:
     features = torch.zeros(1, 21)
     assert all(math.isnan(encoding_cases.largest_error(features, x, 2.0)) for x in (math.nan, math.inf))
@@ -139,10 +141,7 @@ def test_a_slab_of_a_pixel_is_as_opaque_as_its_unit_of_density_allows(context: S
     assert amplifier_cases.largest_density("equation4") > 1e3
     by_name = {check.subject: check for check in checks("A4", context)}
     unit = CATALOG["qnerf"].parts.density_scale  # type: ignore[union-attr]
-    for resolution in amplifier_cases.RESOLUTIONS:
-        pixel = 4.0311 / 1111.11 * 800 / resolution
-        assert amplifier_cases.pixel_opacity("qnerf", resolution) == pytest.approx(1 - math.exp(-unit * pixel / 1.5))
-    assert by_name["qnerf"].value == amplifier_cases.pixel_opacity("qnerf", 800)
+    assert by_name["qnerf"].value == pytest.approx(1.0 - math.exp(-unit * 4.0311 / 1111.11 / 1.5))
     assert by_name["qnerf_printed"].value == pytest.approx(1.0 - math.exp(-4.0311 / 1111.11))
     assert "1 per scene unit; 0.0286 at 100 px, 0.00723 at 400 px, 0.00362 at 800 px" in by_name["qnerf_printed"].why
     assert {by_name[name].status for name in ("nerf", "qnerf_theorem", "qnerf_running_mean")} == {"pass"}
@@ -264,3 +263,43 @@ def test_layers_are_those_of_the_field(method: str, context: StabilityContext) -
         raw = amplifier_cases.layers(field, position, torch.float32)[-1][:, 0]
         sigma = field.density_unit * field.amplifier.before_and_after(raw)[1]
         torch.testing.assert_close(sigma, field.density(x), rtol=1e-4, atol=1e-3)
+
+
+# a fresh field
+
+
+def test_a_ball_covers_the_pixels_of_its_cone() -> None:
+    """A cone about the axis of a square view: π (f tan θ)² pixels, where sin θ = radius / distance."""
+    seen = fresh_fields.cameras(256)
+    colours = fresh_fields.ball(seen.all_rays(0))
+    covered = float((colours < 1.0).any(-1).float().mean())
+    sine = fresh_fields.RADIUS / fresh_fields.DISTANCE
+    radius = seen.focal / 256 * sine / (1.0 - sine**2) ** 0.5
+    assert covered == pytest.approx(torch.pi * radius**2, rel=0.01)
+    torch.testing.assert_close(colours.unique(dim=0), torch.tensor([fresh_fields.BALL, (1.0, 1.0, 1.0)]))
+
+
+def test_batches_are_the_same_for_every_reading_and_differ_between_steps() -> None:
+    first, again = (fresh_fields.batches(16)(3)[0] for _ in range(2))
+    assert torch.equal(first.directions, again.directions)
+    assert not torch.equal(first.directions, fresh_fields.batches(16)(4)[0].directions)
+
+
+def test_listing_2_loses_its_gradient_on_white_and_keeps_it_on_grey_and_with_a_shift() -> None:
+    dead, grey, shifted = (
+        fresh_fields.course_of(replace(fresh_fields.FRESH_FIELDS[name], settings=fresh_fields.SMALL), steps)
+        for name, steps in (
+            ("Listing 2, unit 25", 40),
+            ("Listing 2, unit 25, small network, grey", 80),
+            ("Listing 2 shifted, unit 25", 80),
+        )
+    )
+    assert dead["step"] == [1.0, 20.0, 40.0]
+    assert dead["error"][-1] == pytest.approx(1.0, abs=0.01), "the background only"
+    assert dead["gradient"][0] > 1e-2
+    assert dead["gradient"][-1] < 1e-6
+    assert dead["white"][-1] > 0.9
+    for alive in (grey, shifted):
+        assert alive["gradient"][-1] > 1e-4
+        assert alive["white"][-1] < 0.1
+        assert min(alive["error"]) < fresh_fields.LEARNT

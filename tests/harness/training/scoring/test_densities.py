@@ -7,11 +7,7 @@ import pytest
 import torch
 
 from baselines.numerics.bounds import ray_box
-from harness.training.scoring.densities import (
-    density_properties,
-    quantiles_by_weight,
-    rendered_samples,
-)
+from harness.training.scoring.densities import density_properties, quantiles_by_weight, rendered_samples
 from harness.training.scoring.evaluate import cameras_of
 from harness.training.trainer import Trainer
 from scenes.view_sets.view_set import ViewSet

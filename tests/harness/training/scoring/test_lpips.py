@@ -14,6 +14,7 @@ from harness.training.scoring.lpips import NETWORKS, SCALE, SHIFT, SMALLEST, Lpi
 from scenes.files.errors import InputError
 from tests.harness.ball import write_ball
 from tests.harness.shell import refused
+from tests.harness.trained_runs import in_this_process
 
 
 def weights(seed: int = 0, network: str = "alex") -> dict[str, Tensor]:
@@ -142,10 +143,10 @@ def test_what_is_no_file_of_weights_is_refused(tmp_path: Path) -> None:
         file.unlink(missing_ok=True)
 
 
-@pytest.mark.slow
 def test_a_run_is_scored_with_them_and_not_gone_on_with_by_others(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    monkeypatch.setattr("harness.execution.run.run_locally", in_this_process)
     ball, out = write_ball(tmp_path / "ball", size=32, train=4, test=2), tmp_path / "run"
     file = saved(tmp_path)
     call = ["run", "--profile", "smoke", "--view-set", str(ball), "--methods", "nerf", "--budget-steps", "3"]

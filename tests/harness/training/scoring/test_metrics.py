@@ -118,6 +118,28 @@ def test_ssim_equals_a_slow_reference(size: tuple[int, int]) -> None:
     assert metrics.ssim(image, truth) == pytest.approx(slow_ssim(image, truth), abs=1e-10)
 
 
+def pattern(height: int, width: int, phase: float) -> np.ndarray:
+    row, column, channel = np.meshgrid(np.arange(height), np.arange(width), np.arange(3), indexing="ij")
+    return 0.5 + 0.5 * np.sin(0.3 * row + 0.2 * column + channel + phase) * np.cos(0.05 * row * column / (1 + channel))
+
+
+@pytest.mark.parametrize(
+    ("truth", "image", "stored"),
+    [
+        (pattern(24, 31, 0.4), pattern(24, 31, 0.0), 0.8905031177059787),
+        (pattern(17, 40, 1.0), 0.8 * pattern(17, 40, 1.0), 0.9523585756887192),
+        (pattern(32, 32, 0.0), 0.5 + 0.25 * np.sign(pattern(32, 32, 0.0) - 0.5), 0.6962176569764997),
+        (pattern(11, 11, 0.5), pattern(11, 11, 0.2), 0.88903656152831),
+    ],
+    ids=["shifted", "darker", "square wave", "one window"],
+)
+def test_ssim_is_that_of_scikit_image(truth: np.ndarray, image: np.ndarray, stored: float) -> None:
+    """Stored values of skimage.metrics.structural_similarity, version 0.26.0, with gaussian_weights=True, sigma=1.5,
+    use_sample_covariance=False, data_range=1.0, channel_axis=-1.
+    """
+    assert metrics.ssim(image, truth) == pytest.approx(stored, abs=1e-12)
+
+
 # FLIP and CIEDE2000
 
 
@@ -168,9 +190,7 @@ def ciede2000(first: tuple[float, ...], second: tuple[float, ...]) -> float:
         ((2.0776, 0.0795, -1.1350), (0.9033, -0.0636, -0.5514), 0.9082),
     ],
 )
-def test_the_reference_gives_what_sharma_prints(
-    first: tuple[float, ...], second: tuple[float, ...], printed: float
-) -> None:
+def test_the_reference_is_that_of_sharma(first: tuple[float, ...], second: tuple[float, ...], printed: float) -> None:
     assert ciede2000(first, second) == pytest.approx(printed, abs=1e-4)
 
 

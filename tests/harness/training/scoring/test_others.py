@@ -59,9 +59,7 @@ def write(folder: Path, pictures: list[np.ndarray], name: str = "r_{}.png") -> P
         ("", "eval_img_{}.png"),  # not padded: 10 comes after 9
     ],
 )
-def test_folders_of_other_programs(
-    tmp_path: Path, ball: Path, truths: list[np.ndarray], inside: str, name: str
-) -> None:
+def test_folders_of_each_program(tmp_path: Path, ball: Path, truths: list[np.ndarray], inside: str, name: str) -> None:
     write(tmp_path / "own" / inside, [darker(truth) for truth in truths], name)
     for other in ("test/ours_30000/gt", "train/ours_30000/renders", "gt-rgb"):
         if inside:
@@ -95,9 +93,7 @@ MISTAKES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
 
 
 @pytest.mark.parametrize("mistake", MISTAKES)
-def test_a_usual_mistake_is_named_and_not_scored(
-    tmp_path: Path, ball: Path, truths: list[np.ndarray], mistake: str
-) -> None:
+def test_a_usual_mistake_is_said_not_scored(tmp_path: Path, ball: Path, truths: list[np.ndarray], mistake: str) -> None:
     folder = write(tmp_path / "theirs", [MISTAKES[mistake](truth) for truth in truths])
     with pytest.raises(InputError, match=f"seem to be {mistake}.*--as-they-are"):
         score_pictures(folder, ball, "theirs")
@@ -151,7 +147,6 @@ def test_pictures_that_do_not_fit_are_refused(tmp_path: Path, ball: Path, truths
 
     for change, said in (
         (lambda folder: (folder / "r_3.png").unlink(), "10 pictures for 11 test views, and none is called r_3"),
-        (lambda folder: [file.unlink() for file in folder.iterdir()], "has no picture"),
         (lambda folder: write_png(folder / "r_3.png", pictures[3][:-2]), "r_3.png: 24 × 22 pixels"),
         (lambda folder: write_png(folder / "r_3.png", pictures[3][:, :-1]), "r_3.png: 23 pixels wide"),
         (lambda folder: (folder / "r_3.png").write_bytes(b"no"), "r_3.png: not an image"),
@@ -160,8 +155,6 @@ def test_pictures_that_do_not_fit_are_refused(tmp_path: Path, ball: Path, truths
     ):
         with pytest.raises(InputError, match=said):
             score_pictures(broken(change), ball, "theirs")
-    with pytest.raises(InputError, match="is not a folder"):
-        pictures_in(tmp_path / "none")
     two = tmp_path / "two"
     for step in ("ours_7000", "ours_30000"):
         write(two / "test" / step / "renders", pictures[:1])

@@ -1,5 +1,7 @@
-"""`python -m harness render`, end to end on a small run."""
+"""`python -m harness render`, end to end on a small run; a mistake is one line, and finished frames are kept."""
 
+import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,7 @@ from harness.execution import progress
 from harness.playback.camera_paths import orbit
 from harness.playback.run_loader import FinishedRun
 from harness.records.cells import cell_path, read_cell, with_files, write_cell
+from harness.run_folder.folder_lock import lock_folder
 from harness.training.scoring.evaluate import View, render_view
 from harness.viewer.film import film_making, film_plan
 from harness.viewer.film.frames import as_levels, exr_channels
@@ -21,10 +24,45 @@ from scenes.view_sets.images import read_channels, read_image
 from scenes.view_sets.pixels import over_white
 from scenes.view_sets.view_set import read_view_set
 from tests.harness.ball import DISTANCE
-from tests.harness.trained_runs import SIZE
-from tests.harness.viewer.film.typed import Said, contents
+from tests.harness.shell import refused
+from tests.harness.trained_runs import SIZE, train_run
 
 CPU = torch.device("cpu")
+Said = Callable[..., str]
+"""Render with the given options, on one thread; returns the printed lines."""
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Not to be changed; its view set `ball` lies next to it. `out`, of the folder above, is a copy."""
+    return train_run(tmp_path_factory.mktemp("film"), ["nerf", "nerf_matched", "qnerf"], steps=14)
+
+
+@pytest.fixture
+def render(capsys: pytest.CaptureFixture[str]) -> Said:
+    def rendered(*arguments: str | Path) -> str:
+        capsys.readouterr()
+        assert main(["render", *map(str, arguments), "--threads", "1"]) == 0
+        said, complaints = capsys.readouterr()
+        assert complaints == ""
+        return said
+
+    return rendered
+
+
+def contents(folder: Path) -> dict[str, object]:
+    """Return the bytes of every file; of an EXR, which holds the time of day, only its pixels."""
+    files: dict[str, object] = {}
+    for file in folder.rglob("*"):
+        if file.suffix == ".exr":
+            channels = read_channels(file)
+            files[str(file.relative_to(folder))] = {name: values.tobytes() for name, values in channels.items()}
+        elif file.name == "frames.json":
+            frames = json.loads(file.read_text(encoding="utf-8"))
+            files[str(file.relative_to(folder))] = {name: (one["key"], one[".png"]) for name, one in frames.items()}
+        elif file.is_file():
+            files[str(file.relative_to(folder))] = file.read_bytes()
+    return files
 
 
 @pytest.fixture
@@ -75,13 +113,8 @@ def test_an_orbit_of_three_frames(out: Path, render: Said) -> None:
             animation.load()
             assert animation.info["duration"] == 100
             np.testing.assert_array_equal(np.asarray(animation.convert("RGB")), as_levels(sheet))
-    for part in (
-        "3 frames of 16 × 16",
-        "6: 0 there, 0 in the view cache, 6 to render",
-        "estimated cost",
-        "hit rate 0%",
-    ):
-        assert part in printed
+    for one in ("3 frames of 16 × 16", "6: 0 there, 0 in the view cache, 6 to render", "estimated cost", "hit rate 0%"):
+        assert one in printed
 
 
 def test_panels_are_the_methods_and_on_the_test_path_the_truth(out: Path, render: Said) -> None:
@@ -143,9 +176,7 @@ def test_only_missing_or_damaged_frames_are_made_again(
 
 
 @pytest.mark.parametrize("damage", ["[]", '{"path": "orbit"', None])
-def test_a_film_whose_record_is_lost_keeps_its_frames(
-    out: Path, render: Said, counted: list[str], damage: str | None
-) -> None:
+def test_frames_of_a_film_without_record_stay(out: Path, render: Said, counted: list[str], damage: str | None) -> None:
     ask = ("--frames", "2", "--methods", "nerf", "--no-cache")
     render(out, *ask)
     record = out / "films" / "orbit-2-frames" / "film.json"
@@ -162,10 +193,8 @@ def test_a_film_whose_record_is_lost_keeps_its_frames(
 def test_a_method_that_was_trained_again_is_filmed_again(out: Path, render: Said, counted: list[str]) -> None:
     render(out, "--frames", "2", "--methods", "nerf")
     checkpoint = out / "checkpoints" / "ball.nerf.0.safetensors"
-    save_file(
-        {name: value if name == "occupied" else 1.5 * value for name, value in load_file(checkpoint).items()},
-        checkpoint,
-    )
+    weights = load_file(checkpoint)
+    save_file({name: value if name == "occupied" else 1.5 * value for name, value in weights.items()}, checkpoint)
     write_cell(out, with_files(out, read_cell(cell_path(out, "ball", "nerf", 0))))
     counted.clear()
     assert "2: 0 there, 0 in the view cache, 2 to render" in render(out, "--frames", "2", "--methods", "nerf")
@@ -200,3 +229,99 @@ def test_a_dry_run_says_what_it_would_do_and_does_nothing(out: Path, render: Sai
     assert "8: 0 there, 0 in the view cache, 8 to render" in printed
     assert contents(out) == before
     assert not (out / "films").exists()
+
+
+# mistakes
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ("--scenes lego", "--scenes: unknown 'lego'; known: ball"),
+        ("--methods nerf merf", "--methods: unknown 'merf'; known: nerf nerf_matched qnerf"),
+        ("--methods nerf nerf", "named twice"),
+        ("--seed 7", "seed 7 was not trained"),
+        ("--seed -1", "--seed -1"),
+        ("--frames 0", "--frames 0: must lie between 1 and 10000"),
+        ("--resolution 0", "--resolution 0: must lie between 1 and 4096"),
+        ("--resolution 4096 --methods nerf nerf_matched qnerf --path test", "enlarging adds nothing"),
+        ("--fps 0", "--fps 0"),
+        ("--threads 0", "--threads 0"),
+        ("--elevation 91", "--elevation 91"),
+        ("--elevation 10 --path spiral", "--elevation: --path spiral"),
+        ("--path test --frames 4", "4 test views were asked for; choose 0 to 3"),
+    ],
+)
+def test_bad_options_are_reported_in_one_line(
+    options: str, message: str, trained: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = contents(trained)
+    assert message in refused(capsys, trained, *options.split(), "--no-cache", command="render")
+    assert contents(trained) == before
+
+
+def test_a_missing_or_incomplete_run_is_refused(out: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "holds no run" in refused(capsys, out / "nowhere", command="render")
+    assert "holds no run" in refused(capsys, out / "checkpoints", command="render")
+    checkpoint = out / "checkpoints" / "ball.qnerf.0.safetensors"
+    checkpoint.write_bytes(checkpoint.read_bytes()[:50])
+    assert "ball.qnerf.0.safetensors: has fewer bytes" in refused(capsys, out, "--no-cache", command="render")
+    checkpoint.unlink()
+    assert "this checkpoint is missing" in refused(capsys, out, "--no-cache", command="render")
+    (out / "records" / "run.json").write_text("{")
+    assert "run.json" in refused(capsys, out, "--no-cache", command="render")
+    assert not (out / "films").exists()
+
+
+def test_a_folder_in_use_or_of_another_film_is_refused(
+    out: Path, tmp_path: Path, render: Said, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mine, file = tmp_path / "mine", tmp_path / "file"
+    mine.mkdir()
+    (mine / "letter.txt").write_text("mine")
+    file.write_text("mine")
+    ask = (out, "--frames", "2", "--methods", "nerf", "--to")
+    assert "in use by something else" in refused(capsys, *ask, mine, command="render")
+    assert "is a file" in refused(capsys, *ask, file, command="render")
+    assert "cannot be written" in refused(capsys, *ask, file / "film", command="render")
+    assert "cannot be written" in refused(capsys, *ask, Path("/proc/film"), command="render")
+    render(*ask, tmp_path / "film")
+    message = refused(capsys, out, "--frames", "3", "--methods", "nerf", "--to", tmp_path / "film", command="render")
+    assert "holds another film (frames was 2, is 3)" in message
+    lock = lock_folder(tmp_path / "film")
+    message = refused(capsys, *ask, tmp_path / "film", command="render")
+    assert message.startswith(f"error: --to {tmp_path / 'film'}: in use by process ")
+    lock.release(remove=True)
+    assert contents(mine) == {"letter.txt": b"mine"}
+
+
+def test_a_film_that_was_killed_at_its_beginning_is_resumed(out: Path, tmp_path: Path, render: Said) -> None:
+    film = tmp_path / "film"
+    (film / "damaged").mkdir(parents=True)
+    (film / "damaged" / "film.json.1").write_text("{")
+    (film / ".film.json.1234.part").write_text("{")
+    ask = (out, "--frames", "2", "--methods", "nerf", "--no-cache", "--to", film)
+    assert "2 rendered" in render(*ask)
+    assert {file.name for file in film.iterdir()} == {"damaged", "film.json", "ball"}
+    (film / "ball" / "nerf" / ".0001.exr.1234.part.exr").write_text("half")
+    assert "2: 2 there" in render(*ask)
+    assert not list(film.rglob(".*.part*"))
+
+
+def test_a_full_disk_is_reported_and_finished_frames_are_kept(
+    out: Path, render: Said, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from harness.viewer.film import frames
+
+    def full(file: Path, channels: dict[str, np.ndarray], write: Callable[..., None] = frames.write_channels) -> None:
+        if ".0001." in file.name:
+            raise OSError(28, "No space left on device", str(file))
+        write(file, channels)
+
+    ask = (out, "--frames", "2", "--methods", "nerf", "--no-cache")
+    with monkeypatch.context() as patch:
+        patch.setattr(frames, "write_channels", full)
+        message = refused(capsys, *ask, "--quiet", "--threads", "1", command="render")
+    assert "No space left on device; repair that and give the same command again" in message
+    assert not list((out / "films").rglob("*.part*"))
+    assert "2: 1 there" in render(*ask)

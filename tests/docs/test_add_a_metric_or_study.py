@@ -1,5 +1,6 @@
-"""docs/add-a-metric.md: its three pieces of code, inserted where it says, add a metric."""
+"""docs/add-a-metric.md: its pieces of code, inserted where it says, add a metric; docs/add-a-study.md has a study."""
 
+import importlib.util
 import re
 import shutil
 import subprocess
@@ -8,6 +9,12 @@ import textwrap
 from pathlib import Path
 
 import pytest
+
+from harness.command.main import main
+from harness.records.study import read_studies
+from harness.studies.evidence.evidence_studies import STUDIES
+from harness.studies.framework import Shelf, asking
+from reports.__main__ import main as report
 
 ROOT = Path(__file__).parents[2]
 USE = """
@@ -65,3 +72,24 @@ def test_a_metric_is_a_function_a_line_and_a_field(tmp_path: Path) -> None:
         [sys.executable, "-c", USE, str(tmp_path / "run")], cwd=tmp_path, capture_output=True, text=True, check=False
     )
     assert ended.returncode == 0, ended.stderr
+
+
+def test_the_example_runs_by_its_line_and_has_a_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = (ROOT / "docs/add-a-study.md").read_text(encoding="utf-8")
+    line = re.search(r"```python\n(asking\(.*?\))\n```", text, re.DOTALL)
+    study = eval(line[1], {"asking": asking})
+    file, _, function = study.measure.partition(":")
+    spec = importlib.util.spec_from_file_location(file, ROOT / "docs/examples" / f"{file}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    monkeypatch.setitem(STUDIES, study.info.id, study)
+    monkeypatch.setattr(Shelf, "measure_of", lambda shelf, name: getattr(module, function))
+    out = tmp_path / "mine"
+    assert main(["evidence", "--quiet", "--studies", study.info.id, "--out", str(out)]) == 0
+    (record,) = read_studies(out / "evidence.json").studies
+    assert (record.info.question, len(record.answers), len(record.series)) == (study.info.question, 1, 2)
+    assert [(check.status, check.value is not None) for check in record.checks] == [("pass", True)]
+    assert report([str(out), "--quiet"]) == 0
+    page = (out / "evidence.html").read_text(encoding="utf-8")
+    assert study.info.question in page
+    assert record.answers[0] in page

@@ -1,4 +1,4 @@
-"""Q1 to Q10: the rules of this harness pass, broken rules fail, and the references are exact."""
+"""Q1 to Q10, C1: this harness passes, broken rules and removed checks fail, and the references are exact."""
 
 import dataclasses
 from collections.abc import Callable
@@ -6,23 +6,13 @@ from pathlib import Path
 
 import mpmath
 import pytest
-import torch
 from torch import Tensor
 
 from baselines.numerics import sampling
 from baselines.numerics.quadrature import QUADRATURES
 from harness.records.study import CHAPTERS, Check, Series, Table
-from harness.studies.stability.rays import quadrature_edges, quadrature_orders, quadrature_rounding
-from harness.studies.stability.rays.exact_rays import (
-    OURS,
-    Profile,
-    exact,
-    exponential,
-    gaussian,
-    homogeneous,
-    ramp,
-    weights_in_digits,
-)
+from harness.studies.stability.rays import camera_cases, quadrature_edges, quadrature_orders, quadrature_rounding
+from harness.studies.stability.rays.exact_rays import OURS, exact, homogeneous
 from harness.studies.stability.rays.quadrature_orders import fitted_order
 from harness.studies.stability.stability_context import StabilityContext
 from harness.studies.usual_quadrature import running_product, stock_expm1
@@ -123,22 +113,6 @@ def test_the_reference_is_the_closed_form() -> None:
         assert exact(homogeneous(tau)) == pytest.approx((float(opacity), float((opacity + wave.real) / 2)), rel=1e-13)
 
 
-@pytest.mark.parametrize("profile", [ramp(3.0), exponential(100.0), gaussian(100.0), exponential(64000.0)])
-def test_depth_is_the_integral_of_density(profile: Profile) -> None:
-    t = torch.linspace(0.0, 1.0, 200001, dtype=torch.float64)
-    middle = 0.5 * (t[1:] + t[:-1])
-    for share in (0.3, 1.0):
-        inside = profile.sigma(middle)[middle < share]
-        assert float(inside.sum()) / 200000 == pytest.approx(float(profile.depth(share)), rel=1e-6)
-
-
-def test_weights_in_digits_sum_to_one() -> None:
-    for name in OURS:
-        points = 3 * QUADRATURES[name].stride + QUADRATURES[name].closed
-        w = weights_in_digits(name, [mpmath.mpf(k) / 3 for k in range(points)], [mpmath.mpf(2)] * 3)
-        assert float(sum(w)) == pytest.approx(1.0, abs=1e-14)
-
-
 def test_the_slope_is_the_order_and_rounding_has_none() -> None:
     counts = (8, 16, 32, 64)
     assert fitted_order([3.0 * n**-2.5 for n in counts], counts) == pytest.approx(2.5)
@@ -152,3 +126,23 @@ def test_left_ends_that_miss_the_shell_are_judged(context: StabilityContext) -> 
     assert (by_name["left"].value or 0.0) > 0.5
     assert "misses the part that lies in front" in by_name["left"].why
     assert "has a separate one" in by_name["trapezoid"].why
+
+
+def test_cameras_of_this_harness_pass_and_the_usual_forms_fail(context: StabilityContext) -> None:
+    made = checks("C1", context)
+    assert [check.status for check in made if check.owner == "ours"] == ["pass"] * 6
+    assert [check.status for check in made if check.owner == "usual"] == ["fail"] * 3
+    mitsuba = next(check for check in made if check.subject == "Mitsuba without checks")
+    assert "origin on target" in mitsuba.why
+    assert "NaN" in mitsuba.why
+
+
+def test_a_removed_check_and_the_usual_slab_test_fail_c1(
+    context: StabilityContext, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(camera_cases, "check_poses", lambda poses, names: None)
+    monkeypatch.setattr(camera_cases, "ray_box", camera_cases.naive_slab)
+    poses, slab = broken("C1", context)
+    assert poses.value == 7
+    assert "pose: mirrored" in poses.why
+    assert slab.what.startswith("axis-parallel rays")

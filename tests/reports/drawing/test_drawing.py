@@ -1,14 +1,15 @@
-"""Lines of a record in charts: nothing is dropped silently, and no two lines of a chart look alike."""
+"""Lines of a record in charts, in a page with other drawings: nothing is dropped silently, no two lines look alike."""
 
 import math
+import re
 
 import pytest
 
 from harness.records.study import Series
 from reports.drawing.figure import draw, svg
-from reports.drawing.palette import COLOURS, pens_of
+from reports.drawing.palette import COLOURS, KNOWN, pens_of
 from reports.drawing.series_charts import charts, panels_of, points
-from reports.drawing.traces import Panel
+from reports.drawing.traces import Panel, Trace
 
 
 def line(y, x=None, name="a", **more) -> Series:
@@ -87,3 +88,21 @@ def test_no_two_lines_of_a_chart_look_alike():
 def test_points_come_by_x_with_their_edges():
     known = points(line([3.0, 1.0], [2.0, 1.0], low=[2.5, 0.5], high=[3.5, None]))
     assert [(p.x, p.y, p.low, p.high) for p in known] == [(1.0, 1.0, 0.5, None), (2.0, 3.0, 2.5, 3.5)]
+
+
+def test_svg_is_fit_for_a_page_with_others():
+    blue = KNOWN["nerf"].light
+    trace = Trace("a", blue, "line", (1.0, 2.0), (0.001, 0.002))
+    panel = Panel("t", "x", "<\"&'>", (trace,), 'says "<b>"', rows=())
+    text = str(svg(panel, "one-1"))
+    assert text.startswith('<svg class="plot" viewBox=')
+    assert 'aria-label="says &#34;&lt;b&gt;&#34;"' in text
+    assert "&lt;" in text
+    assert "var(--nerf)" in text
+    assert "0.001" in text, "numbers in text must not be shortened as coordinates are"
+    for stray in (blue, "<style", "xlink", "http"):
+        assert stray not in text, stray
+    ids = re.findall(r' id="([^"]+)"', text)
+    assert ids
+    assert all(name.startswith("one-1-") for name in ids)
+    assert len(ids) == len(set(ids))
