@@ -42,9 +42,7 @@ python -m scenes export {here}/sets/{set} --format npz --out {here}/tiny.npz
 python -m harness run --profile smoke --view-set {here}/blender {tiny} {region} --out {here}/foreign
 python -m reports {here}/run {here}/foreign --page {here}/outputs.html
 python -m reports {here}/foreign --publish {here}/published
-python -m harness run --profile smoke --view-set {here}/nerfstudio --dry-run
-python -m harness run --profile smoke --view-set {here}/tiny.npz --dry-run
-python -m harness run --profile full --device cpu --dry-run {sets}
+python -m harness run --profile smoke --view-set {here}/nerfstudio {here}/tiny.npz --dry-run
 python -m scenes render --scene-file docs/examples/my_scene.py --resolution 16 --train 2 --test 1 {sets}
 python -m harness run --profile smoke --scene-file docs/examples/my_scene.xml {tiny} {claim} --out {here}/own {sets}
 python -m harness run --profile smoke --scenes lego --methods splats --seeds 1 {few} --out {here}/splats {sets}
@@ -64,7 +62,7 @@ nox -s speed -- --items 2 --quick --out {here}/speed {other_sets}
 nox -s conformance -- qnerf
 nox -s endurance -- --kills 3 --typed-kills 0 --seed 1 --no-damage --brief --scratch {here}/endurance
 nox -s fuzz -- -n 0 --collect-only -q
-nox -s tests_thorough -- --collect-only -q tests/endurance tests/harness/execution/cluster
+nox -s tests_thorough -- --collect-only -q tests/harness/execution/cluster
 nox -s tests_oldest -- --collect-only -q tests/harness/plan
 python -m harness gate --only fairness.first_weights fairness.batches --out {here}/gate
 python -m harness history {here}/history.jsonl --out {here}/history

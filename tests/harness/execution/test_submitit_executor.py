@@ -93,6 +93,7 @@ def test_a_job_without_its_driver_ends(ball_folder: Path, tmp_path: Path, monkey
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_a_killed_job_costs_time_and_changes_no_bit(
     no_slurm: None, ball_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -21,6 +21,7 @@ from reports.run.saving.export import write_export
 from reports.run.saving.publish import summary, write_summary
 from reports.run.saving.replay import conditions, replay
 from tests.harness.ball import write_ball
+from tests.harness.trained_runs import in_this_process
 from tests.replacing import replace
 from tests.reports.fake_run import fake_records
 
@@ -179,7 +180,8 @@ def test_studies_and_guests_have_no_command(records: Records) -> None:
 
 
 @pytest.mark.slow
-def test_its_training_has_the_same_bits(tmp_path: Path) -> None:
+def test_its_training_has_the_same_bits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("harness.execution.run.run_locally", in_this_process)
     first, view_set = tmp_path / "first", tmp_path / "ball"
     write_ball(view_set)
     options = ["--profile", "smoke", "--view-set", str(view_set), "--budget-steps", "12", "--seeds", "2"]

@@ -78,6 +78,7 @@ def test_every_family_of_the_frontier_has_the_same_trials_first_as_it_is() -> No
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_every_trial_is_another_training(tmp_path: Path) -> None:
     folder = ball_with_validation_views(tmp_path / "ball")
     plan = replace(search_plan(False), methods=("nerf", "hash_grid", "splats"), budget=Budget(4, None))
