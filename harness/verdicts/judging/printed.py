@@ -15,7 +15,11 @@ ESCAPED = {"\\": "\\textbackslash{}", **{sign: f"\\{sign}" for sign in "&%$#_{}"
 
 def write_tables(folder: Path, record: JudgementRecord) -> None:
     """Write `judgement.md`, `.tex` and `.csv` into a folder, and those of further metrics with the metric's name."""
-    names = ["judgement", *("judgement." + re.sub(r"\W", "_", other.metric) for other in record.other_metrics)]
+    names = ["judgement"]
+    for other in record.other_metrics:
+        name = "judgement." + re.sub(r"\W", "_", other.metric)
+        # metrics such as "f@1" and "f%1" differ in signs that a file's name cannot have
+        names.append(f"{name}.{len(names)}" if name in names else name)
     for name, judged in zip(names, [record, *record.other_metrics], strict=True):
         rows = table(judged)
         for suffix, text in (("md", as_markdown(rows)), ("tex", as_latex(rows)), ("csv", as_csv(rows))):

@@ -10,12 +10,14 @@ import pytest
 from harness.command.main import main
 from harness.records.judgements import JUDGEMENT_FILE, JudgementRecord, read_judgement, write_judgement
 from harness.verdicts.judging.judgement import judge
+from harness.verdicts.judging.printed import write_tables
 from harness.verdicts.tables.result_table import read_table
 from reports.__main__ import main as report
 from reports.studies.judgement import judgement_page, matrix, methods_grid, panel, suspects_grid
 from scenes.files.errors import DamagedRecord
 from tests.harness.shell import refused
 from tests.harness.verdicts.test_judgement import drawn, table_of
+from tests.replacing import replace
 
 
 def table_file(folder: Path, values: np.ndarray) -> Path:
@@ -69,6 +71,11 @@ def test_metrics_are_judged_each_by_itself_on_one_page(tmp_path: Path, capfd: py
     page = (tmp_path / "out" / "judgement.html").read_text(encoding="utf-8")
     assert 'id="metric-2"' in page
     assert (tmp_path / "out" / "judgement.lpips_loss.tex").is_file()
+    alike = [replace(other, metric=name) for name in ("f@1", "f%1")]
+    write_tables(tmp_path, replace(both, other_metrics=alike))
+    assert {file.name for file in tmp_path.glob("judgement*.csv")} == {
+        f"judgement{name}.csv" for name in ("", ".f_1", ".f_1.2")
+    }
     wrong = refused(capfd, path, "--metric", "psnr", "lpips loss", "--margin", "1", command="judge")
     assert "--margin 1.0: has the unit of one metric" in wrong
 
