@@ -32,7 +32,7 @@ def install(session: nox.Session, *groups: str) -> None:
     words = {"ray": {"ray", "--executor=ray"}, "tensorboard": {"--tensorboard"}}
     words["submitit"] = {"submitit", "--executor=submitit"}
     words["parquet"] = {option for option in options if option.endswith(".parquet")}
-    takes_all = session.name in ("commands", "tests", "tests_slow", "tests_thorough")
+    takes_all = session.name in ("commands", "tests", "tests_thorough")
     needed = [*SMALL, *(name for name in words if takes_all or words[name] & options)]
     wanted = map(pinned, wanted_by(*groups, extras=needed))
     # other builds of torch have other hashes than that on PyPI
@@ -137,18 +137,11 @@ def report(session: nox.Session, command: str, default: str = "") -> None:
 
 @nox.session
 def tests(session: nox.Session) -> None:
-    """Run the test suite without its slow part."""
-    install(session, "test")
-    session.run("pytest", "-n", "auto", *(session.posargs or ["-m", "not slow"]))
-
-
-@nox.session
-def tests_slow(session: nox.Session) -> None:
-    """Run the slow tests: complete runs, browsers, processes that are killed."""
+    """Run the test suite; `-- -m "not slow"` leaves out complete runs, browsers and killed processes."""
     install(session, "test")
     # the tests of a file share a process, as their fixtures are slow
     share = ("-n", "auto", "--dist", "loadfile", "--no-loadscope-reorder")
-    session.run("pytest", *share, "-m", "slow and not thorough and not cluster", *session.posargs)
+    session.run("pytest", *share, *(session.posargs or ["-m", "not thorough and not cluster"]))
 
 
 @nox.session

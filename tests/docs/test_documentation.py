@@ -39,7 +39,7 @@ def test_commands_parse(page: Path) -> None:
             names = words[2 : words.index("--")] if "--" in words else words[2:]
             assert set(names) <= SESSIONS, command
             given = words[words.index("--") + 1 :] if "--" in words else []
-            if not given or names[0] in ("tests", "tests_slow", "lint"):
+            if not given or names[0] in ("tests", "lint"):
                 continue
             for place in [place for place, word in enumerate(given) if word == "--with"][::-1]:
                 del given[place : place + 2]
