@@ -49,6 +49,7 @@ class ActivatedAmplifier(Amplifier):
         self.shift = 0.0 if start is None else shift(start)
 
     def quantity(self, raw: Float[Tensor, " points"]) -> Tensor:
+        """Return the quantity [points] that is amplified."""
         return torch.sigmoid(raw + self.shift) if self.bounded else softplus_density(raw, self.shift)
 
 

@@ -110,7 +110,7 @@ class Gaussians:
         return cast("tuple[Tensor, Tensor, int]", Drawn.apply(pencil.cells, eye, values))
 
     def render(self, rays: Rays) -> Rendering:
-        """Render rays of any cameras over white, one camera after the other; errors as in `Pencil.of`."""
+        """Render rays of any cameras over white, one camera after the other. Raises `ValueError` as `Pencil.of`."""
         colour, opacity = torch.ones(len(rays), 3), torch.zeros(len(rays))
         depth, drawn = torch.full((len(rays),), rays.far), 0
         for of_camera in _by_camera(rays.origins):

@@ -17,7 +17,7 @@ from scenes.files.errors import InputError
 if TYPE_CHECKING:
     from harness.execution.progress import Progress
     from harness.plan.run_plan import Machine, Plan
-    from harness.records.cells import CellRecord
+    from harness.records.cells import CellRecord, SceneRecord
 
 LEAST_SEEDS = 3
 """The minimum number of seeds to verify omissions with: the interval of two is six times as wide."""
@@ -83,11 +83,7 @@ def run_run(options: argparse.Namespace, show: "Progress") -> int:
         with claimed(out, plan, machine, options.resume, show.line):
             point_latest_to(out)
             shown = also_written(options, out, show)
-            verify = None
-            if options.verify_omissions:
-                from harness.studies.choices.omissions import verify_run
-
-                verify = partial(verify_run, plan, machine, out, shown)
+            verify = partial(_verify, plan, machine, out, shown) if options.verify_omissions else None
             code = run(plan, out, options.view_sets, machine, options.line, shown, verify)
     except InputError:
         if before is not None and latest_folder() is None:  # the claimed folder was removed
@@ -113,6 +109,12 @@ def _with_lpips(plan: "Plan", options: argparse.Namespace, out: Path) -> "Plan":
         if cell.provenance.get("lpips", digest) != digest:
             raise InputError(f"--lpips {options.lpips}: not the weights that {out} was scored with; give those")
     return replace(plan, lpips=str(options.lpips.resolve()))
+
+
+def _verify(*given: Any) -> "list[SceneRecord]":
+    from harness.studies.choices.omissions import verify_run
+
+    return verify_run(*given)
 
 
 def plan_lines(plan: "Plan", machine: "Machine", cores: int) -> list[str]:

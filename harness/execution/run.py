@@ -34,7 +34,7 @@ from harness.records.cells import (
     write_comparisons,
     write_run,
 )
-from harness.records.snapshot import drop_folder
+from harness.records.snapshot import ENDED, drop_folder
 from harness.records.targets import write_targets
 from harness.run_folder.earlier_run import earlier_run, notices_of, with_measured
 from harness.run_folder.folder_lock import scratch_folder
@@ -121,7 +121,7 @@ def _write(out: Path, keys: list[Key], record: RunRecord, phases: Phases, finish
 def _train(tasks: list[GroupTask], keys: list[Key], record: RunRecord, machine: Machine, show: Progress) -> None:
     """Train the missing cells of the tasks; add the executor's notices to the record's provenance."""
     out, origin = tasks[0].out, record.provenance
-    cells = _kept_cells(out, keys)
+    cells = _ended_cells(out, keys)
     missing = [replace(task, methods=methods) for task in tasks if (methods := missing_methods(task))]
     elsewhere = stale_cells(cells, origin, out)
     if elsewhere and (missing or mixed_sources(cells)):
@@ -140,7 +140,7 @@ def _train(tasks: list[GroupTask], keys: list[Key], record: RunRecord, machine: 
 def _train_guest(plan: Plan, tasks: list[GroupTask], record: RunRecord, machine: Machine, show: Progress) -> None:
     """Train the missing guests, on each scene for the baseline's core seconds if these are known."""
     out, budgets, baseline = tasks[0].out, {}, record.roles.baseline
-    _kept_cells(out, plan.guest_cells())
+    _ended_cells(out, plan.guest_cells())
     for scene, guest, seed in plan.guest_cells():
         path = cell_path(out, scene, baseline, seed)
         if not cell_path(out, scene, guest, seed).exists() and path.exists():
@@ -157,15 +157,15 @@ def _train_guest(plan: Plan, tasks: list[GroupTask], record: RunRecord, machine:
         drop_folder(out)
 
 
-def _kept_cells(out: Path, keys: list[Key]) -> list[CellRecord]:
-    """Return the cells that stay; records of cells that failed or could not run are removed, to be tried again."""
-    kept = []
+def _ended_cells(out: Path, keys: list[Key]) -> list[CellRecord]:
+    """Return the cells that have ended; the records of others are removed, so that they are tried again."""
+    ended = []
     for cell in read_cells_of(out, keys):
-        if cell.status in ("error", "not_available"):
-            cell_path(out, cell.scene, cell.method, cell.seed).unlink()
+        if cell.status in ENDED:
+            ended.append(cell)
         else:
-            kept.append(cell)
-    return kept
+            cell_path(out, cell.scene, cell.method, cell.seed).unlink()
+    return ended
 
 
 def _events(tasks: list[GroupTask], machine: Machine, commit: str, show: Progress) -> Iterator[Event]:

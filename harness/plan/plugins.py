@@ -79,7 +79,9 @@ def require_methods(names: Iterable[str]) -> None:
 
 
 def method_named(name: str) -> Method:
-    """Return a method of the catalogue or of a package. Raises as `require_methods`, and for an unknown name."""
+    """Return a method of the catalogue or of a package. Raises `InputError` as `require_methods`, and for
+    an unknown name.
+    """
     if name not in CATALOG:
         require_methods([name])
     if name not in CATALOG:
@@ -88,7 +90,9 @@ def method_named(name: str) -> Method:
 
 
 def own_settings(name: str, given: Mapping[str, object]) -> Any:
-    """Return a method's own settings, given or of the catalogue; None if it has none. Raises as `method_named` does."""
+    """Return a method's own settings, given or of the catalogue; None if it has none. Raises `InputError`
+    as `method_named`.
+    """
     own = given.get(name)
     return method_named(name).settings if own is None else own
 

@@ -121,6 +121,7 @@ class TargetsRecord(Record, frozen=True):
 
 
 def write_targets(out: Path, record: TargetsRecord) -> None:
+    """Write the record; raises `ValueError` if a figure is not finite."""
     write_record(records_folder(out) / TARGETS_FILE, record)
 
 

@@ -160,6 +160,7 @@ class ShownRun:
         return self.truths[scene.name]
 
     def method_view(self, scene: SceneRecord, method: str) -> engine.MethodView:
+        """Load a cell; raises `InputError` if it cannot be shown."""
         if (scene.name, method) not in self.loaded:
             cell = self.run.trained(scene, method, self.seed, self.device)
             view = engine.MethodView.of(cell, self.store)

@@ -35,6 +35,7 @@ def name_of_file(file: Path) -> str:
 
 
 def check_scene_file(file: Path) -> None:
+    """Raise `InputError` unless the file exists and has the suffix of a scene."""
     if file.suffix.lower() not in SUFFIXES:
         raise InputError(f"--scene-file {file}: name a Mitsuba scene (.xml) or a Python file (.py)")
     if not file.is_file():

@@ -46,7 +46,8 @@ def ensure_view_set(
     A scene of the catalogue is given by name, a user's scene (`scenes.catalog.scene_file`) as a `Scene`. `counts` and
     `spp` (samples per pixel, 2 or more, or the noise that they may leave) have keys train, val and test. With `variant`
     None a cached set of any variant is used, else the fastest variant that works renders it. Several processes may
-    request the same set at once. `say` receives the fault of a cached set. Raises `InputError`.
+    request the same set at once. `say` receives the fault of a cached set. Raises `InputError` for a bad request or a
+    folder that cannot be written.
     """
     own = None if isinstance(scene_name, str) else scene_name.file
     with mistakes_in(own):

@@ -50,6 +50,7 @@ class Region:
 
     @property
     def box(self) -> np.ndarray | None:
+        """The bounds as float64 [2, 3]."""
         return None if self.bounds is None else np.array(self.bounds, dtype=np.float64).reshape(2, 3)
 
     def over(self, other: "Region") -> "Region":

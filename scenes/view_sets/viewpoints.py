@@ -35,6 +35,7 @@ def camera_to_world(
 
 
 def all_poses(split: Split, view_from: Literal["hemisphere", "sphere"] = "hemisphere") -> np.ndarray:
+    """Return all poses of a split, float64 [views, 4, 4]."""
     count = VIEW_COUNTS[split]
     if split == "test":
         k = np.arange(count)

@@ -195,7 +195,7 @@ def refine_in(view: RegionView, order: str, kind: str | None, clock: Clock = CLO
     else:
         first = coarse(cell.learner, camera, view.stride, cell.chunk).view
         if kind is not None:
-            attention, _ = attention_of(kind, view, first)
+            attention = attention_of(kind, view, first)
         seconds = [clock() - began]
     parts = []
     for done in refine(cell.learner, camera, regions, attention, cell.chunk, order):  # type: ignore[arg-type]

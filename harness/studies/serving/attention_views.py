@@ -72,7 +72,7 @@ def attended_views(context: ServingContext) -> list[AttendedView]:
             for number, (pose, truth) in enumerate(context.test_poses(cell.scene, context.sizes.views)):
                 view = region_view(context, cell, pose)
                 first = coarse(cell.learner, view.camera, STRIDE, cell.chunk).view
-                maps = {kind: attention_of(kind, view, first)[0] for kind in KINDS}
+                maps = {kind: attention_of(kind, view, first) for kind in KINDS}
                 views.append(AttendedView(view, number, first, maps, truth))
         context.memory["attended views"] = views
     remembered: list[AttendedView] = context.memory["attended views"]
@@ -103,24 +103,9 @@ def cells_of(context: ServingContext) -> list[TrainedCell]:
     return []
 
 
-def attention_of(kind: str, view: RegionView, first: View | None = None) -> tuple[np.ndarray, int]:
-    """Return the attention, float64 [regions], and its network evaluations without those of the frame `first`."""
+def attention_of(kind: str, view: RegionView, first: View) -> np.ndarray:
+    """Return the attention, float64 [regions]; `first` is the coarse frame of the view."""
     learner, camera, chunk = view.cell.learner, view.camera, view.cell.chunk
-    spent = 0
-
-    def frame() -> View:
-        nonlocal first, spent
-        if first is None:
-            first, _, evaluations = coarse(learner, camera, view.stride, chunk, view.bins)
-            spent += evaluations
-        return first
-
-    def error() -> np.ndarray:
-        nonlocal spent
-        estimate = estimated_error(learner, camera, frame(), view.stride, chunk, view.bins)
-        spent += estimate.network_evaluations
-        return estimate.error
-
     row, column = LOOKED_AT.get(kind, CENTRE)
     inputs = MapInputs(
         view.regions,
@@ -129,10 +114,10 @@ def attention_of(kind: str, view: RegionView, first: View | None = None) -> tupl
         0.25 * camera.width,
         camera.focal,
         mask=lambda: middle(camera.height, camera.width),
-        image=lambda: frame().colour,
-        error=error,
+        image=lambda: first.colour,
+        error=lambda: estimated_error(learner, camera, first, view.stride, chunk, view.bins).error,
     )
-    return MAPS[kind](inputs), spent
+    return MAPS[kind](inputs)
 
 
 def middle(height: int, width: int) -> np.ndarray:

@@ -53,6 +53,7 @@ class FrameFolder:
         )
 
     def write(self, number: int, key: str, view: View) -> None:
+        """Write atomically; raises `OSError` if it cannot be written."""
         self.path.mkdir(parents=True, exist_ok=True)
         png, exr = self._files(number)
         with replacing(png, png.suffix) as file:

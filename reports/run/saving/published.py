@@ -60,6 +60,7 @@ MARKED = re.compile(r"<!-- numbers: ([\w ]+) -->\n(.*?)<!-- end -->", re.DOTALL)
 
 
 def block(name: str, docs: Path) -> str:
+    """Return a block; raises `KeyError` for a name that no block has."""
     files, write = BLOCKS[name]
     if not all((docs / file).is_file() or file.endswith("?") for file in files):
         return ""
