@@ -62,7 +62,7 @@ nox -s speed -- --items 2 --quick --out {here}/speed {other_sets}
 nox -s conformance -- qnerf
 nox -s endurance -- --kills 3 --typed-kills 0 --seed 1 --no-damage --brief --scratch {here}/endurance
 nox -s fuzz -- -n 0 --collect-only -q
-nox -s tests_thorough -- --collect-only -q tests/harness/execution/cluster
+nox -s tests_thorough -- --collect-only -q tests/harness/studies/speed
 nox -s tests_oldest -- --collect-only -q tests/harness/plan
 python -m harness gate --only fairness.first_weights fairness.batches --out {here}/gate
 python -m harness history {here}/history.jsonl --out {here}/history
