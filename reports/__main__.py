@@ -151,7 +151,7 @@ def build(out: Path, publish: Path | None, partly: bool, show: Show, export: Pat
         show(f"left out: {line}")
     from reports.studies.study_page import shelf_shown
 
-    shown = {shelf: shelf_shown(record, out) for shelf, record in studies.items()}
+    shown = {shelf: shelf_shown(record) for shelf, record in studies.items()}
     failed = [build_shelf(shelf, out, publish, records is not None, show) for shelf in shown.values()]
     if records is not None:
         shelves = ShelfRecords(*(studies.get(shelf) for shelf in ("stability", "evidence", "serving")))

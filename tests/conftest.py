@@ -1,10 +1,12 @@
-"""For all tests: a browser, torch with one thread, and a type checker that accepts an int as a float, like PEP 484.
+"""For all tests: a browser, torch with one thread, worker processes that need not import it again, and a type checker
+that accepts an int as a float, like PEP 484.
 
 `--jaxtyping-packages` in `pyproject.toml` names the checker, but cannot set its options. It looks up
 `beartype.beartype` when our packages are imported, which is after this file. Plain beartype would refuse
 `box(1, 1, 0.2)`.
 """
 
+import multiprocessing
 import shutil
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -25,6 +27,19 @@ def made_once(**options: Any) -> Callable[[Any], Any]:
 
 jaxtyping.jaxtyped = made_once
 torch.set_num_threads(1)  # the tests are small, and threads that wait for each other occupy a busy core
+
+
+WORKER = ["colour", "torch._dynamo", "harness.execution.local_executor", "harness.training.lockstep"]
+
+
+def fork_in_place_of_spawn() -> None:
+    """Fork workers from a process that has imported `WORKER`, as importing it anew takes seconds in each test."""
+    original, forks = multiprocessing.get_context, multiprocessing.get_context("forkserver")
+    forks.set_forkserver_preload(WORKER)
+    multiprocessing.get_context = lambda name=None: forks if name == "spawn" else original(name)  # type: ignore[assignment]
+
+
+fork_in_place_of_spawn()
 
 
 def reset_torch() -> None:

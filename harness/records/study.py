@@ -29,8 +29,6 @@ SHELVES = {
     "history": "history.json",
 }
 """Shelf → its file under OUT."""
-PICTURES_FOLDER = "stability"
-"""The folder under OUT that holds the files of `Picture.path`."""
 
 CHAPTERS: dict[int, str] = {
     1: "Rounding: error against optical depth",
@@ -161,15 +159,7 @@ class Table(Record, frozen=True, tag="table"):
     rows: list[list[str | float | None]]
 
 
-class Picture(Record, frozen=True, tag="picture"):
-    item: int
-    title: str
-    caption: str
-    path: str
-    """The path of a PNG, relative to the output folder."""
-
-
-Finding = Answer | Check | Effect | Series | Table | Picture
+Finding = Answer | Check | Effect | Series | Table
 
 
 class StudyInfo(Record, frozen=True):
@@ -216,10 +206,6 @@ class StudyRecord(Record, frozen=True):
     @property
     def tables(self) -> list[Table]:
         return [finding for finding in self.findings if isinstance(finding, Table)]
-
-    @property
-    def pictures(self) -> list[Picture]:
-        return [finding for finding in self.findings if isinstance(finding, Picture)]
 
 
 class Studies(Record, frozen=True):

@@ -67,9 +67,8 @@ def attended_first(bench: Bench, entry: Statement) -> Finding:
     if attended is None:
         return _untested(bench, how)
     notes = [f"earlier in {count(round(attended.value or 0.0))} {attended.why}"]
-    for id, words in (("hardest", "where the coarse frame is most wrong"), ("whole", "over the whole picture")):
-        if check := _check(bench, f"earlier.{id}"):
-            notes.append(f"{words} earlier in {count(round(check.value or 0.0))} of {check.repeats}")
+    if whole := _check(bench, "earlier.whole"):
+        notes.append(f"over the whole picture earlier in {count(round(whole.value or 0.0))} of {whole.repeats}")
     verdicts: dict[str, Verdict] = {"pass": "seen", "fail": MISSED}
     verdict = verdicts.get(attended.status, "inconclusive")
     return Finding(verdict, how, sooner.spread if sooner else None, note="; ".join(notes))

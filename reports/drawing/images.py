@@ -11,8 +11,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from reports.data.saved_pictures import inside
-
 Picture = NDArray[np.float64]
 """A picture `[height, width, 3]`, display colour, 0 … 1."""
 
@@ -36,32 +34,12 @@ def smaller(picture: Picture, side: int) -> Picture:
 
 BYTES_PER_PIXEL = 2.6
 SIZES = (400, 320, 256, 200, 160, 128, 100, 64)
-LARGEST_PIXELS = 1 << 24
-"""The maximum number of pixels of a picture that is read: a damaged file may claim any size."""
 
 
 def side_for(pictures: int, budget: int) -> int:
     """Return the longest side at which so many pictures stay within a budget of bytes."""
     fitting = (side for side in SIZES if pictures * side * side * BYTES_PER_PIXEL <= budget)
     return next(fitting, SIZES[-1])
-
-
-def read(folder: Path, relative: str) -> Picture | None:
-    """Read a PNG file as display colour; None if it is missing, unreadable or outside of the folder."""
-    path = inside(folder, relative)
-    if path is None or not path.is_file():
-        return None
-    try:
-        with path.open("rb") as file:
-            head = file.read(24)  # signature, then the first chunk: length, IHDR, width, height
-        if int.from_bytes(head[16:20], "big") * int.from_bytes(head[20:24], "big") > LARGEST_PIXELS:
-            return None
-        picture = np.asarray(matplotlib.image.imread(path, format="png"), dtype=np.float64)
-    except Exception:  # decoders raise many kinds of errors for a damaged file, MemoryError among them
-        return None
-    if picture.ndim == 2:
-        picture = np.repeat(picture[..., None], 3, axis=-1)
-    return picture[..., :3] if picture.shape[-1] >= 3 else np.repeat(picture[..., :1], 3, axis=-1)
 
 
 def data_uri(picture: Picture, kind: Literal["png", "jpeg"] = "png", **options: int) -> str:

@@ -89,7 +89,7 @@ def _page(records: Records, shelves: ShelfRecords, pixels: PictureData | None, s
     layout.environment.filters.update(filters)
     run, ledger = records.run, claims(records, shelves)
     studies = [record for record in (shelves.evidence, shelves.stability, shelves.serving) if record is not None]
-    shown = {record.shelf: shown.get(record.shelf) or shelf_shown(record, records.out) for record in studies}
+    shown = {record.shelf: shown.get(record.shelf) or shelf_shown(record) for record in studies}
     work, missing = diagrams(records), not_tested(run.not_tested, ledger)
     answer, source = headline(records), compared_with(records)
     return layout.page(

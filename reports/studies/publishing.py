@@ -5,7 +5,7 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from harness.records.study import SHELVES, Picture, Series, Studies, write_studies
+from harness.records.study import SHELVES, Series, Studies, write_studies
 from reports.drawing.series_charts import panels_of
 from reports.drawing.sheet import Drawing, key_of, key_of_pens, save_sheet
 from reports.studies.forest import forests
@@ -19,10 +19,9 @@ CHAPTERS_DRAWN = (1, 2, 3, 9)
 
 
 def write_published(record: Studies, folder: Path) -> list[Path]:
-    """Write the record without its pictures, and PNGs of the panels that it has; returns the written paths."""
+    """Write the record, and PNGs of the panels that it has; returns the written paths."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / SHELVES[record.shelf]
-    record = without(record, Picture)
     write_studies(path, record)
     if path.stat().st_size > LARGEST:
         write_studies(path, without(record, Series))
@@ -74,6 +73,6 @@ PICTURES: dict[str, list[tuple[str, Callable[[Studies], list[Drawing]], int]]] =
     "speed": [("speed.png", lambda record: charts_of_study(record, "3"), 3)],
     "frontier": [("frontier.png", lambda record: charts_of_study(record, "error_against_time")[:1], 1)],
     "history": [("history.png", lambda record: charts_of(record.studies[0].series)[:3] if record.studies else [], 3)],
-    "serving": [("serving.png", lambda record: charts_of_study(record, "anytime")[:3], 3)],
+    "serving": [],
 }
 """Shelf → its files, the panels of its page that each file shows, and the number of panels side by side."""

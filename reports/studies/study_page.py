@@ -1,7 +1,7 @@
 """A record of studies → a section of the report and a separate page, both self-contained, for every shelf.
 
 Each kind of finding is shown in one way: answers as sentences, checks as rows and as a matrix, effects as forests,
-lines as charts, tables and pictures as they are. `shelves` holds what differs between shelves.
+lines as charts, tables as they are. `shelves` holds what differs between shelves.
 """
 
 from collections.abc import Iterator
@@ -10,10 +10,9 @@ from typing import Any, NamedTuple
 
 from markupsafe import Markup
 
-from harness.records.study import Check, Finding, Picture, Series, Studies, StudyRecord, Table
+from harness.records.study import Check, Finding, Series, Studies, StudyRecord, Table
 from reports.data.wording import counted, duration, listed, of_any_size
 from reports.drawing.figure import svg
-from reports.drawing.images import data_uri, read, smaller
 from reports.drawing.palette import key
 from reports.drawing.series_charts import Chart, charts
 from reports.page import shell
@@ -28,18 +27,6 @@ from scenes.files.json_object import JsonObject
 
 AT_ONCE = 4
 """The number of answers after the first that are not folded."""
-BUDGET_BYTES = 3_000_000
-SIDES = (640, 480, 320, 240, 160, 96)
-SMALL = 200
-"""The maximum side in pixels of a picture that is shown enlarged with sharp pixels."""
-
-
-class ShownPicture(NamedTuple):
-    title: str
-    caption: str
-    source: str | None
-    wide: bool
-    sharp: bool
 
 
 class ShelfShown(NamedTuple):
@@ -52,24 +39,21 @@ class ShelfShown(NamedTuple):
     sections: list[Section]
 
 
-def shelf_shown(record: Studies, out: Path) -> ShelfShown:
-    """Return the shelf laid out; the paths of its pictures are relative to `out`."""
+def shelf_shown(record: Studies) -> ShelfShown:
     broken = [(anchor(study), broken_line(study, check)) for study, check in record.broken]
-    sections = [part for part in _sections(record, out) if part.parts]
+    sections = [part for part in _sections(record) if part.parts]
     return ShelfShown(record, WORDS[record.shelf], headline(record), sentences(record), broken, sections)
 
 
-def _sections(record: Studies, out: Path) -> Iterator[Section]:
+def _sections(record: Studies) -> Iterator[Section]:
     """Yield the matrix, the targets and the failures of other forms, the chapters, and every study."""
     words, layout = WORDS[record.shelf], Layout()
     parts, own = layout.parts, layout.study_parts
-    side = side_for(out, [picture for study in record.studies for picture in study.pictures])
 
     def lay_out(name: str, findings: list[Finding]) -> list[Markup]:
-        pictures = [show_picture(finding, out, side) for finding in findings if isinstance(finding, Picture)]
         tables = [table_grid(finding, of_any_size) for finding in findings if isinstance(finding, Table)]
         drawn = charts([finding for finding in findings if isinstance(finding, Series)], name)
-        return [parts.charts(drawn), own.pictures(pictures), *(parts.table(grid, own="own") for grid in tables)]
+        return [parts.charts(drawn), *(parts.table(grid, own="own") for grid in tables)]
 
     def details(study: StudyRecord) -> list[Markup]:
         checks = checks_grid(f"Checks of {name_of(study, words)}", [(study, check) for check in study.checks])
@@ -89,12 +73,7 @@ def _sections(record: Studies, out: Path) -> Iterator[Section]:
         yield section("matrix", "Case by case", own.matrix(words.noun[0], legend, small, cases))
     tables = [parts.table(grid, own="own checks") for grid in _tables(record)]
     yield section(f"{record.shelf}-outcomes", words.outcomes, *tables)
-    every = [
-        finding
-        for study in record.studies
-        for finding in study.findings
-        if isinstance(finding, Series | Picture | Table)
-    ]
+    every = [finding for study in record.studies for finding in study.findings if isinstance(finding, Series | Table)]
     numbers = {finding.item for finding in every} if words.chapters else set()
     for item in sorted(numbers, key=lambda item: (item not in words.chapters, item)):  # unknown chapters come last
         title, name = words.chapters.get(item, f"Chapter {item}"), f"chapter-{item}"
@@ -238,27 +217,6 @@ def of_interest(record: Studies) -> dict[str, float]:
     """Map metric → the smallest effect of interest, as far as the record states it."""
     known: object = record.settings.get("smallest_of_interest")
     return {str(name): float(value) for name, value in known.items()} if isinstance(known, dict) else {}
-
-
-def show_picture(picture: Picture, out: Path, side: int) -> ShownPicture:
-    pixels = read(out, picture.path)
-    if pixels is None:
-        return ShownPicture(picture.title, picture.caption, None, wide=False, sharp=False)
-    height, width = pixels.shape[:2]
-    source = data_uri(smaller(pixels, side))
-    return ShownPicture(
-        picture.title, picture.caption, source, wide=width > 1.8 * height, sharp=max(height, width) <= SMALL
-    )
-
-
-def side_for(out: Path, pictures: list[Picture]) -> int:
-    """Return the longest side at which all pictures stay within the page's budget, by the size of their files."""
-    shapes = [pixels.shape[:2] for picture in pictures if (pixels := read(out, picture.path)) is not None]
-    for side in SIDES:
-        sizes = (height * width * min(1.0, side / max(height, width)) ** 2 for height, width in shapes)
-        if 4 * sum(sizes) <= BUDGET_BYTES:
-            return side
-    return SIDES[-1]
 
 
 def study_page(shown: ShelfShown, has_report: bool = False) -> str:

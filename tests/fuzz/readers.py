@@ -41,7 +41,6 @@ from reports.__main__ import main as reports
 from reports.data.load import NoRecords, read_records
 from reports.data.studies_load import find_studies
 from reports.drawing import figure, series_charts
-from reports.drawing.images import read as read_picture
 from reports.page import shell
 from reports.studies import study_page
 from scenes.catalog import scene_file
@@ -89,11 +88,6 @@ def view_set(folder: Path, file: Path) -> None:
 def image(folder: Path, file: Path) -> None:
     assert read_image(file).ndim == 3
     read_channels(file)
-
-
-def report_picture(folder: Path, file: Path) -> None:
-    picture = read_picture(folder, file.name)
-    assert picture is None or picture.shape[-1] == 3
 
 
 def records(folder: Path, file: Path) -> None:
@@ -293,7 +287,6 @@ READERS: dict[str, Reader] = {
     "tiny_nerf": Reader(material.tiny, "tiny.npz", tiny_nerf),
     "splats": Reader(material.splats, "*.ply", splats),
     "image": Reader(material.pictures, "*", image),
-    "report_picture": Reader(material.pictures, "*.png", report_picture, misses=True),
     "records": Reader(material.small_run, "records/**/*.json", records, ("records",), anything=True),
     "pictures": Reader(material.small_run, "records/pictures/*", pictures),
     "study": Reader(material.studies, "*/*.json", study),

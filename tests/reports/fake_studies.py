@@ -1,6 +1,6 @@
 """Fake records of studies: for each shelf a small record with every kind of finding.
 
-python -m tests.reports.fake_studies OUT    writes the record and the pictures of every shelf
+python -m tests.reports.fake_studies OUT    writes the record of every shelf
 """
 
 import math
@@ -9,8 +9,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import matplotlib.image
-import numpy as np
 from msgspec.structs import replace
 
 from harness.records.study import (
@@ -19,7 +17,6 @@ from harness.records.study import (
     Check,
     Effect,
     Finding,
-    Picture,
     Series,
     Studies,
     StudyInfo,
@@ -60,15 +57,11 @@ def fake_studies(shelf: str, failing: bool = False, charts: bool = True, **chang
     return replace(record if charts else without(record, Series), **changes)
 
 
-def write_fake_studies(out: Path, record: Studies | str, pictures: bool = True) -> Path:
-    """Write the record, or that of a shelf, and its pictures except those named gone; return `out`."""
+def write_fake_studies(out: Path, record: Studies | str) -> Path:
+    """Write the record, or that of a shelf; return `out`."""
     record = fake_studies(record) if isinstance(record, str) else record
     out.mkdir(parents=True, exist_ok=True)
     write_studies(out / SHELVES[record.shelf], record)
-    for picture in (picture for study in record.studies if pictures for picture in study.pictures):
-        if "gone" not in picture.path:
-            (out / picture.path).parent.mkdir(parents=True, exist_ok=True)
-            matplotlib.image.imsave(out / picture.path, np.linspace(0.0, 1.0, 64 * 64 * 3).reshape(64, 64, 3))
     return out
 
 
@@ -175,11 +168,6 @@ def _stability(failing: bool) -> list[StudyRecord]:
                    lambda tau, slope: max(1e-7, slope * tau), {"midpoint": (0.0,), "torch.expm1": (0.2,)})  # fmt: skip
     a2 = judged("largest change of a pixel", {"nerf": 0.0, "nerf_matched": 0.0, "paper:qnerf": 0.31}, 2e-6)
     a2 += judged("after a reload", {"harness": 3e-4 if failing else 3e-7}, 2e-6)
-    pictures = [
-        Picture(4, "One view, one call", "qnerf, contrasted weights", "stability/whole.png"),
-        Picture(4, "Difference × 4", "black: none", "stability/difference.png"),
-        Picture(4, "A picture that is gone", "its file was deleted", "stability/gone.png"),
-    ]
     s3 = [Check("", None, why="no shared library of LLVM 16 or newer", subject="volpath", status="not_available"),
           *judged("largest |z| of 64 rays", {"midpoint": 1.9}, 4.0)]  # fmt: skip
     ladder = lines("Ladder of frequency", 9, ("frequency", "explained share"), [1.0, 2.0, 4.0],
@@ -191,7 +179,7 @@ def _stability(failing: bool) -> list[StudyRecord]:
         study("Q1", "Homogeneous ray", *q1, zeros, listing4, gaps, bar="relative error ≤ 1e-6"),
         study("Q2", "Order of convergence", *q2, *truncation, fitted, bar="fitted order within ±0.15"),
         study("Q3", "Gradients of a ray", *q3, *slopes, bar="≤ 5e-6 of the largest gradient"),
-        study("A2", "Chunks", *a2, *pictures, bar="≤ 2e-6"),
+        study("A2", "Chunks", *a2, bar="≤ 2e-6"),
         study("S3", "Fog", *s3, bar="≤ 1e-4; |z| < 4"),
         study("L1", "Ladders", l1, *ladder, rungs, bar="recorded"),
     ]
@@ -266,7 +254,6 @@ def phi(changed: int) -> Check:
 def serving_studies(**changes: list[Finding] | None) -> list[StudyRecord]:
     """Return the studies; `changes` replace the findings of a study, or leave it out if None."""
     ratios = {"memory.0": 3000.0, "memory.1": 1050.0, "disk.warm": 70.0, "disk.cold": 30.0}
-    axes, at = ("seconds since the view was asked for", "RMSE, display"), [0.0, 0.2, 0.4]
     findings: dict[str, list[Finding] | None] = {
         "latency": [
             Answer("Rendering takes 3000 times as long as a hit in memory."),
@@ -281,13 +268,10 @@ def serving_studies(**changes: list[Finding] | None) -> list[StudyRecord]:
         ],
         "anytime": [
             Answer("Attention is first in 1 of 6 cases of scene and map."),
-            *(earlier(measure, 4) for measure in ("whole", "hardest")),
+            earlier("whole", 4),
             earlier("attended", 6, "pass"),
             Check("raster order against attention", 1.5, unit="×", owner="machine", spread=(1.2, 1.9), repeats=6,
                   id="sooner.attended"),
-            *lines("chair, the whole picture, point", 0, axes, at, lambda x, slow: 0.0001 + 0.1 * slow * (x < 0.4),
-                   {"attention": (1.0,), "plain rendering": (3.0,)}, log="y"),
-            Picture(0, "raster order, after 40 % of the time", "24.1 dB", "records/images/serving/chair.nerf.png"),
         ],
         "priorities": [Answer("The priorities sum to 1.618, not to 1."), phi(0)],
         **changes,
@@ -330,8 +314,6 @@ def hostile(record: Studies, word: str) -> Studies:
             case Table():
                 columns = [word for _ in finding.columns]
                 return replace(finding, title=word, columns=columns, rows=[columns for _ in finding.rows])
-            case Picture():
-                return replace(finding, title=word, caption=word)
             case Answer():
                 return Answer(word)
         raise AssertionError(finding)

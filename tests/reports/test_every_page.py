@@ -49,7 +49,7 @@ def _report(out: Path) -> str:
 
 
 def _studies(record: Studies, out: Path) -> str:
-    return study_page(shelf_shown(record, write_fake_studies(out, record)))
+    return study_page(shelf_shown(record))
 
 
 PAGES: dict[str, Callable[[Path], str]] = {"report": _report} | {

@@ -139,7 +139,7 @@ def test_a_forest_is_saved_as_it_is_drawn_with_its_numbers(browser, whole):
 def test_on_a_phone_no_outcome_needs_scrolling_and_the_matrix_names_its_subjects(browser, tmp_path):
     record = fake_studies("stability")
     out = write_fake_studies(tmp_path, record)
-    address = write_study_page(shelf_shown(record, out), out).as_uri()
+    address = write_study_page(shelf_shown(record), out).as_uri()
     view, _ = opened(browser, address, viewport={"width": 390, "height": 800})
     unfold(view)
     tables = "[...document.querySelectorAll('.matrix, .checks .scroll')]"

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from harness.records.study import SHELVES, Check, Picture, Studies, read_studies
+from harness.records.study import SHELVES, Check, Studies, read_studies
 from reports.__main__ import main
 from reports.run.saving.publish import summary
 from reports.studies import publishing
@@ -27,11 +27,11 @@ def names(folder: Path) -> list[str]:
 
 
 def written(folder: Path, record: Studies) -> Path:
-    return write_fake_studies(folder, record, pictures=False)
+    return write_fake_studies(folder, record)
 
 
 @pytest.mark.parametrize("shelf", SHELVES)
-def test_a_record_without_a_run_has_only_its_page_and_is_published_without_pictures_but_charts(tmp_path, capsys, shelf):
+def test_a_record_without_a_run_has_only_its_page_and_is_published_with_charts(tmp_path, capsys, shelf):
     record = fake_history() if shelf == "history" else fake_studies(shelf)
     out, docs = written(tmp_path / "out", record), tmp_path / "docs"
     assert main([str(out), "--publish", str(docs)]) == 0
@@ -40,7 +40,7 @@ def test_a_record_without_a_run_has_only_its_page_and_is_published_without_pictu
     assert "report.html" not in (out / f"{shelf}.html").read_text(encoding="utf-8")
     pictures = [name for name, *_ in publishing.PICTURES[shelf]]
     assert names(docs) == sorted([SHELVES[shelf], *pictures])
-    assert read_studies(docs / SHELVES[shelf]) == publishing.without(read_studies(out / SHELVES[shelf]), Picture)
+    assert read_studies(docs / SHELVES[shelf]) == read_studies(out / SHELVES[shelf])
     for name in pictures:
         assert (docs / name).read_bytes().startswith(b"\x89PNG")
         assert 5_000 < (docs / name).stat().st_size < 500_000

@@ -1,10 +1,8 @@
 """Error against time while a view is refined: by attention, in raster order, by spread pixels, and plainly."""
 
-import math
 import statistics
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +10,7 @@ import numpy as np
 from baselines.numerics.attention.priorities import is_equal, region_order
 from baselines.numerics.attention.regions import Regions
 from harness.playback.progressive import Canvas, Done, coarse, refine
-from harness.records.study import Check, Picture, Series, Status, Table
+from harness.records.study import Check, Status, Table
 from harness.studies.framework import Found, Rows
 from harness.studies.serving.attention_views import (
     KINDS,
@@ -24,8 +22,6 @@ from harness.studies.serving.attention_views import (
 )
 from harness.studies.serving.serving_context import CLOCK, Clock, ServingContext, brief, factor, plain, study
 from harness.training.scoring.evaluate import View
-from harness.training.scoring.metrics import psnr
-from scenes.view_sets.images import write_png
 
 ORDERS = {
     "attention": "attention",
@@ -34,23 +30,12 @@ ORDERS = {
     "plain": "plain rendering",
 }
 """The orders in which a picture is refined after its coarse frame; `plain` has no such frame and the largest chunks."""
-MEASURES = {"whole": "the whole picture", "hardest": "the hardest quarter", "attended": "the most attended quarter"}
+MEASURES = {"whole": "the whole picture", "attended": "the most attended quarter"}
 SHARE_OF_ERROR = 0.1
 """The share of the coarse frame's error at which a picture is called useful."""
 QUARTER = 0.25
-"""The share of the regions that count as the most attended, or the hardest."""
+"""The share of the regions that count as the most attended."""
 MIN_SCENES = 3
-DRAWN = "point"
-"""The map whose curves are drawn; the times of all are in the table."""
-INVISIBLE = 1e-4
-"""The smallest error of display colour that is drawn, a fortieth of a step of an 8-bit picture."""
-STEPS = 80
-"""The maximum number of steps of a drawn curve."""
-EXAMPLES = ("point", "gradients")
-SHARE_OF_TIME = 0.4
-"""The share of raster order's time at which example pictures are taken; coarse frame and map take up to a quarter."""
-PICTURES = "records/images/serving"
-"""The folder of the example pictures, relative to the output folder."""
 
 Run = tuple[str, str | None]
 """An order, and the map that it needs."""
@@ -65,14 +50,6 @@ class Refined:
     seconds: np.ndarray
     """Seconds [repeats, points] from the request to the first frame, and to each part."""
 
-    def after(self, limit: float) -> View:
-        done = int((np.median(self.seconds, axis=0) <= limit).sum()) - 1
-        height, width = self.first.opacity.shape
-        canvas = Canvas(height, width, self.first)
-        for part in self.parts[: max(done, 0)]:
-            canvas.put(part)
-        return canvas.view
-
 
 @dataclass(frozen=True)
 class RefinedView:
@@ -85,13 +62,9 @@ class Curve(NamedTuple):
     """Errors over time of one scene, map and order: means over the views, point by point."""
 
     seconds: np.ndarray
+    """Seconds [repeats, points]."""
     errors: dict[str, list[float]]
     """Measure → root mean square error."""
-
-    @property
-    def middle(self) -> np.ndarray:
-        """The median of the repeats, [points]."""
-        return np.asarray(np.median(self.seconds, axis=0))
 
 
 class Reaching(NamedTuple):
@@ -119,12 +92,8 @@ class Case:
 
 @study
 def anytime(context: ServingContext) -> Iterator[Found]:
-    views = list(_refined_views(context))
-    if not views:
-        yield NOTHING
-        return
-    yield from findings_of(cases_of(views))
-    yield from examples(context.out, views[0])
+    cases = cases_of(list(_refined_views(context)))
+    yield from findings_of(cases) if cases else (NOTHING,)
 
 
 def findings_of(cases: Sequence[Case]) -> Iterator[Found]:
@@ -133,16 +102,11 @@ def findings_of(cases: Sequence[Case]) -> Iterator[Found]:
     for order, words in ORDERS.items():
         milliseconds = [1e3 * at.seconds for by_order in times if (at := by_order[order]) is not None]
         if len(milliseconds) == len(cases):
+            what = f"until {100 * SHARE_OF_ERROR:.0f} % of the error remains, {words}"
+            spread = min(milliseconds), max(milliseconds)
+            middle, count = statistics.median(milliseconds), len(cases)
             checks.append(
-                Check(
-                    f"until {100 * SHARE_OF_ERROR:.0f} % of the error remains, {words}",
-                    statistics.median(milliseconds),
-                    unit="ms",
-                    owner="machine",
-                    spread=(min(milliseconds), max(milliseconds)),
-                    repeats=len(cases),
-                    id=f"whole.{order}",
-                )
+                Check(what, middle, unit="ms", owner="machine", spread=spread, repeats=count, id=f"whole.{order}")
             )
     medians = ", ".join(f"{check.what.partition(', ')[2]} {brief(1e-3 * (check.value or 0.0))}" for check in checks)
     won = sum(first_of(by_order) == "attention" for by_order in times)
@@ -152,8 +116,13 @@ def findings_of(cases: Sequence[Case]) -> Iterator[Found]:
     )
     yield from checks
     yield from (_earlier_check(cases, measure) for measure in MEASURES)
-    yield from _against_others(cases)
-    yield from _lines(cases)
+    sooner = [
+        raster.seconds / mine.seconds
+        for at in (case.times("attended") for case in cases)
+        if (raster := at["raster"]) and (mine := at["attention"])
+    ]
+    if sooner:
+        yield factor("sooner.attended", "time of raster order against attention, in the most attended quarter", sooner)
     yield _table(cases)
 
 
@@ -213,14 +182,14 @@ def attended_pixels(regions: Regions, attention: np.ndarray) -> np.ndarray:
     return attended
 
 
-def errors_along(run: Refined, finished: View, *where: np.ndarray) -> Iterator[list[float]]:
-    """Yield the root mean square error everywhere and in each of `where`, of the first frame and after each part."""
+def errors_along(run: Refined, finished: View, where: np.ndarray) -> Iterator[list[float]]:
+    """Yield the root mean square error everywhere and in `where`, of the first frame and after each part."""
     target = finished.colour.reshape(-1, 3).astype(np.float64)
     squares = ((run.first.colour.reshape(-1, 3) - target) ** 2).mean(axis=-1)
     for part in (None, *run.parts):
         if part is not None:
             squares[part.pixels] = ((part.colour - target[part.pixels]) ** 2).mean(axis=-1)
-        yield [float(np.sqrt(chosen.mean())) for chosen in (squares, *(squares[pixels] for pixels in where))]
+        yield [float(np.sqrt(chosen.mean())) for chosen in (squares, squares[where])]
 
 
 def cases_of(views: Sequence[RefinedView]) -> list[Case]:
@@ -234,15 +203,12 @@ def cases_of(views: Sequence[RefinedView]) -> list[Case]:
 
 
 def curve_of(views: Sequence[RefinedView], kind: str, order: str) -> Curve:
-    """Return means over the views, point by point. The hardest regions have the largest errors of the coarse frame."""
+    """Return means over the views, point by point."""
     runs = [view.runs[order, kind if order == "attention" else None] for view in views]
-    errors = []
-    for view, run in zip(views, runs, strict=True):
-        regions = view.of.view.regions
-        wrong = ((view.of.coarse.colour.astype(np.float64) - view.finished.colour) ** 2).mean(axis=-1)
-        hardest = attended_pixels(regions, regions.mean(wrong))
-        attended = attended_pixels(regions, view.of.maps[kind])
-        errors.append(list(errors_along(run, view.finished, hardest, attended)))
+    errors = [
+        list(errors_along(run, view.finished, attended_pixels(view.of.view.regions, view.of.maps[kind])))
+        for view, run in zip(views, runs, strict=True)
+    ]
     means = np.mean(errors, axis=0).T.tolist()
     return Curve(np.mean([run.seconds for run in runs], axis=0), dict(zip(MEASURES, means, strict=True)))
 
@@ -253,7 +219,7 @@ def reaching(curve: Curve, measure: str, limit: float) -> Reaching | None:
     if index == curve.seconds.shape[1]:
         return None
     seconds = curve.seconds[:, index]
-    return Reaching(float(curve.middle[index]), float(seconds.min()), float(seconds.max()))
+    return Reaching(float(np.median(seconds)), float(seconds.min()), float(seconds.max()))
 
 
 def earlier(times: Times, order: str, other: str) -> bool:
@@ -297,42 +263,6 @@ def _earlier_check(cases: Sequence[Case], measure: str) -> Check:
     )
 
 
-def _against_others(cases: Sequence[Case]) -> Iterator[Check]:
-    attended = [case.times("attended") for case in cases]
-    sooner = [
-        raster.seconds / mine.seconds for at in attended if (raster := at["raster"]) and (mine := at["attention"])
-    ]
-    if sooner:
-        yield factor("sooner.attended", "time of raster order against attention, in the most attended quarter", sooner)
-    for order in ("attention", "raster", "spread"):
-        ratios = [float(case.curves[order].middle[-1] / case.curves["plain"].middle[-1]) for case in cases]
-        yield factor(f"total.{order}", f"seconds to the complete picture, {ORDERS[order]} against plain", ratios)
-
-
-def _lines(cases: Sequence[Case]) -> Iterator[Series]:
-    """Yield the curves of one map, as steps: an error stays until the next region is done."""
-    for measure, words in MEASURES.items():
-        for case in cases:
-            if case.kind == DRAWN:
-                for order, curve in case.curves.items():
-                    x, y = steps(curve.middle.tolist(), curve.errors[measure])
-                    yield Series(
-                        f"{case.scene}, {words}, {DRAWN}", 0, ORDERS[order], "seconds since the view was requested",
-                        "RMSE, display", x, y, log_x=False,
-                    )  # fmt: skip
-
-
-def steps(seconds: list[float], errors: list[float]) -> tuple[list[float], list[float]]:
-    """Return a curve as steps; steps too close to be distinguished in a drawing are merged."""
-    distance = (seconds[-1] - seconds[0]) / STEPS
-    x, y = [seconds[0]], [max(errors[0], INVISIBLE)]
-    for place in range(1, len(seconds)):
-        if place + 1 == len(seconds) or seconds[place + 1] - x[-1] > distance:
-            x += [seconds[place]] * 2
-            y += [y[-1], max(errors[place], INVISIBLE)]
-    return [float(f"{value:.5g}") for value in x], [float(f"{value:.5g}") for value in y]
-
-
 def _table(cases: Sequence[Case]) -> Table:
     rows: Rows = []
     for case in cases:
@@ -343,25 +273,3 @@ def _table(cases: Sequence[Case]) -> Table:
             rows.append([case.scene, case.kind, words, *shown])
     title = f"Until {100 * SHARE_OF_ERROR:.0f} % of the coarse frame's error remains (▲ the first in every repeat)"
     return Table("times", 0, title, ["scene", "attention", "in", *ORDERS.values()], rows)
-
-
-def examples(out: Path, refined: RefinedView) -> Iterator[Picture]:
-    """Write pictures of one view under `out`, and yield them: what every order shows after the same time."""
-    cell, finished = refined.of.view.cell, refined.finished.colour
-    limit = SHARE_OF_TIME * float(np.median(refined.runs["raster", None].seconds[:, -1]))
-    orders = [("raster", None), ("spread", None), ("plain", None), *(("attention", kind) for kind in EXAMPLES)]
-    shown = {"ground truth": refined.of.truth, "finished": finished, "coarse frame": refined.of.coarse.colour}
-    for order, kind in orders:
-        if (order, kind) in refined.runs:
-            title = f"{ORDERS[order]}{f' ({kind})' if kind else ''}, after {100 * SHARE_OF_TIME:.0f} % of the time"
-            shown[title] = refined.runs[order, kind].after(limit).colour
-    for number, (title, colour) in enumerate(shown.items()):
-        if colour is None:
-            continue
-        file = f"{PICTURES}/{refined.of.scene}.{cell.learner.method}.{number}.png"
-        (out / file).parent.mkdir(parents=True, exist_ok=True)
-        opaque = np.ones((*colour.shape[:2], 1))
-        write_png(out / file, np.concatenate([np.clip(colour, 0.0, 1.0), opaque], axis=-1).astype(np.float32))
-        score = psnr(colour, finished)
-        caption = f"{score:.1f} dB against the finished picture" if math.isfinite(score) else refined.of.scene
-        yield Picture(0, title, caption, file)

@@ -51,13 +51,10 @@ class RegionView:
 
 @dataclass(frozen=True)
 class AttendedView:
-    """A view with its maps of attention, and the ground truth [h, w, 3] if the views still exist."""
-
     view: RegionView
     number: int
     coarse: View
     maps: dict[str, np.ndarray]
-    truth: np.ndarray | None
 
     @property
     def scene(self) -> str:
@@ -69,11 +66,11 @@ def attended_views(context: ServingContext) -> list[AttendedView]:
     if "attended views" not in context.memory:
         views = []
         for cell in cells_of(context):
-            for number, (pose, truth) in enumerate(context.test_poses(cell.scene, context.sizes.views)):
+            for number, pose in enumerate(context.orbit(cell.scene, context.sizes.views)):
                 view = region_view(context, cell, pose)
                 first = coarse(cell.learner, view.camera, STRIDE, cell.chunk).view
                 maps = {kind: attention_of(kind, view, first) for kind in KINDS}
-                views.append(AttendedView(view, number, first, maps, truth))
+                views.append(AttendedView(view, number, first, maps))
         context.memory["attended views"] = views
     remembered: list[AttendedView] = context.memory["attended views"]
     return remembered

@@ -5,10 +5,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import torch
 
-from baselines.contract import Precision
-from harness.plan.settings import TrainSettings
 from harness.playback.cached import CachedMethod
 from harness.playback.run_loader import TrainedCell
 from harness.playback.store import ViewStore
@@ -16,14 +13,10 @@ from harness.records.study import Check, Table, check
 from harness.studies.framework import Found
 from harness.studies.serving.cache_latency import ROOM, cells_of, same
 from harness.studies.serving.serving_context import ServingContext, plain, significant, study
-from harness.training.batches import Batches, Camera
-from harness.training.checkpoints import tensors_of
-from harness.training.learner import Job, Learner, at_step, train
-from harness.training.make_learner import learner_for
-from harness.training.scoring.evaluate import View, cameras_of
+from harness.training.batches import Camera
+from harness.training.learner import Learner
+from harness.training.scoring.evaluate import View
 from harness.training.scoring.metrics import mse
-from harness.training.trainer import Trainer
-from scenes.view_sets.view_set import ViewSet
 
 LONGER = 1.25
 """The factor by which the focal length is longer."""
@@ -136,30 +129,10 @@ def _confusion(variant: Variant, cameras: list[Camera], by_pose: dict[str, View]
 
 
 def variants(context: ServingContext, cell: TrainedCell) -> Iterator[Variant]:
-    """Yield a change of each thing other than the pose on which the picture depends, and last an almost equal pose."""
+    """Yield changes of what the picture depends on other than the pose, and last an almost equal pose. The tests of
+    `harness.playback.keys` change everything else.
+    """
     learner, chunk, scene = cell.learner, cell.chunk, cell.scene
-    if isinstance(learner, Trainer):
-        if (views := context.views(scene)) is None:
-            context.leave_out(f"more training on {scene.name}", "there are no views to train on")
-        else:
-            yield Variant(
-                f"{context.sizes.extra_steps} more steps of training", _further(context, learner, views), chunk
-            )
-        more = replace(learner.settings, bins=2 * learner.settings.bins)
-        yield Variant(f"{more.bins} samples per ray instead of {learner.settings.bins}", copy_of(learner, more), chunk)
-        other = "left" if learner.quadrature != "left" else "midpoint"
-        ruled = copy_of(learner)
-        ruled.quadrature = other
-        yield Variant(f"quadrature {other} instead of {learner.quadrature}", ruled, chunk)
-        precise = learner.settings.precision
-        lesser: Precision = "float32" if precise != "float32" else "bfloat16"
-        rounded = copy_of(learner, replace(learner.settings, precision=lesser))
-        yield Variant(f"{lesser} matrix multiplications instead of {precise}", rounded, chunk)
-        black = copy_of(learner)
-        black.background = torch.zeros_like(learner.background)
-        yield Variant("a black background instead of white", black, chunk)
-    else:
-        context.leave_out("more training, samples, quadrature, precision, background", f"not of {learner.method}")
     another = next((seed for seed in context.run.run.seeds if seed != context.seed), None)
     if another is not None and (trained := context.trained(scene, learner.method, another)) is not None:
         yield Variant("weights of another seed", trained.learner, trained.chunk)
@@ -201,20 +174,3 @@ def one_ulp_away(camera: Camera) -> Camera:
     pose = camera.camera_to_world.copy()
     pose[0, 3] = np.nextafter(pose[0, 3], np.inf)
     return camera.at(pose)
-
-
-def _further(context: ServingContext, learner: Trainer, views: ViewSet) -> Trainer:
-    settings = learner.settings
-    # a refresh would mark unmeasured cells as empty, as a checkpoint holds the grid's mask but no densities
-    further = copy_of(learner, replace(settings, grid=replace(settings.grid, every=1 << 60)))
-    batches = Batches(cameras_of(views, views.train, learner.device), views.train.rgba)
-    train(further, batches.stream("serving", settings.rays), at_step(further.step + context.sizes.extra_steps))
-    return further
-
-
-def copy_of(learner: Trainer, settings: TrainSettings | None = None) -> Trainer:
-    job = Job(learner.method, learner.box, settings or learner.settings, learner.budget, learner.seed, learner.device)
-    made = learner_for(replace(job, view_dependent=learner.view_dependent))
-    assert isinstance(made, Trainer)
-    made.restore({name: value.clone() for name, value in tensors_of(learner).items()}, learner.step)
-    return made

@@ -1,4 +1,4 @@
-"""The context of the serving studies: a run, its cells ready to render, poses, ground truth, timing, omissions."""
+"""The context of the serving studies: a run, its cells ready to render, poses, timing, omissions."""
 
 import functools
 import hashlib
@@ -23,32 +23,28 @@ from harness.training.learner import Learner
 from harness.training.scoring.evaluate import View, render_view
 from harness.training.trainer import Diverged
 from scenes.files.errors import DamagedRecord, InputError
-from scenes.view_sets.pixels import over_white
-from scenes.view_sets.view_set import ViewSet
 
 EXPECTED = (InputError, DamagedRecord, Diverged)
 """The errors of a run that cannot be rendered; any other is an error of this harness."""
 QUICK_SHARE = 0.1
-TRAIN_VIEWS = 8
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """Timed renderings, and hits of each kind per rendering; views that are requested after a change, and steps of
-    further training; scenes on which attention is examined, views per scene, repeats of each refinement.
+    """Timed renderings, and hits of each kind per rendering; views that are requested after a change; scenes on which
+    attention is examined, views per scene, repeats of each refinement.
     """
 
     rounds: int = 20
     hits: int = 5
     confused: int = 3
-    extra_steps: int = 10
     scenes: int = 3
     views: int = 3
     repeats: int = 3
 
 
 FULL = Sizes()
-QUICK = Sizes(3, 2, 2, 2, 1, 1, 1)
+QUICK = Sizes(3, 2, 2, 1, 1, 1)
 """Sizes at which no figure means anything, to try the studies themselves."""
 
 
@@ -70,7 +66,6 @@ class ServingContext(StudyContext):
     memory: dict[str, Any] = field(default_factory=dict)
     """Results that later studies reuse, by name."""
     _cells: dict[tuple[str, str, int], TrainedCell | None] = field(default_factory=dict)
-    _views: dict[str, ViewSet | None] = field(default_factory=dict)
 
     def settings(self) -> dict[str, object]:
         scenes = [scene.name for scene in self.scenes]
@@ -136,28 +131,6 @@ class ServingContext(StudyContext):
             self.leave_out(f"the distance of the cameras of {scene.name}", f"4 scene units are taken: {reason}")
             radius = 4.0
         return orbit(frames, radius=radius)
-
-    def views(self, scene: SceneRecord) -> ViewSet | None:
-        """Return the run's own views at the measured width; None if they are missing."""
-        if scene.name not in self._views:
-            try:
-                if self.width > scene.width:
-                    raise InputError(f"its views are {scene.width} pixels wide, but {self.width} pixels are measured")
-                views = self.run.views(scene, self.view_sets, self.width, train=TRAIN_VIEWS, scratch=self.scratch)
-                self._views[scene.name] = views
-            except InputError as reason:
-                self.leave_out(f"the ground truth of {scene.name}", str(reason))
-                self._views[scene.name] = None
-        return self._views[scene.name]
-
-    def test_poses(self, scene: SceneRecord, count: int) -> list[tuple[np.ndarray, np.ndarray | None]]:
-        """Return poses spread over the test views with their pictures [h, w, 3]; without views, poses of an orbit."""
-        views = self.views(scene)
-        if views is None or not len(views.test.names):
-            return [(pose, None) for pose in self.orbit(scene, count)]
-        test = views.test
-        chosen = np.unique(np.linspace(0, len(test.names), count, endpoint=False).astype(int))
-        return [(test.camera_to_world[index], over_white(test.rgba[int(index)])) for index in chosen]
 
 
 Measure = Callable[[ServingContext], Iterator[Found]]

@@ -18,8 +18,8 @@ STUDIES: dict[str, Study] = catalogue(
            "Does rendering by attention (Eq. 7) show a useful picture sooner?",
            "A coarse frame, then regions in some order until the picture is complete; plain rendering has no coarse "
            "frame and the largest chunks. Errors are those of display colour against the finished plain picture: over "
-           "all of it, over the quarter of the regions with the largest error of the coarse frame, and over the most "
-           "attended quarter. An order is earlier if it is so in all repeats.",
+           "all of it and over the most attended quarter of the regions. An order is earlier if it is earlier in all "
+           "repeats.",
            "anytime:anytime", 27),
     asking("priorities", "The factor φ of Eq. 7",
            "What does the factor φ change?",

@@ -1,6 +1,6 @@
 """The table of stiff and extreme cases. A new case is a generator of findings and one entry here."""
 
-from harness.records.study import PICTURES_FOLDER, StudyInfo
+from harness.records.study import StudyInfo
 from harness.studies.framework import Shelf, Study, catalogue
 
 
@@ -125,4 +125,4 @@ CASES: dict[str, Study] = catalogue(
 )
 # fmt: on
 
-SHELF = Shelf("stability", "cases", CASES, folders=(PICTURES_FOLDER,))
+SHELF = Shelf("stability", "cases", CASES)

@@ -114,7 +114,7 @@ def serving(record: Studies) -> str:
     return (
         f"Faster than rendering, a hit in the cache is {listed(hits)}. A key of the pose alone, as in Listing 5, would "
         f"return another picture in {number(key.value, 0)} of {key.repeats} kinds of change. Until 10 % of the coarse "
-        f"frame's error is left in the whole picture: {listed(times)} (medians).\n\n![Serving](reduced/serving.png)"
+        f"frame's error is left in the whole picture: {listed(times)} (medians)."
     )
 
 

@@ -114,7 +114,7 @@ def test_a_disk_that_takes_nothing_ends_the_run(ball_folder: Path, tmp_path: Pat
 
 
 def test_closing_ends_the_workers(ball_folder: Path, tmp_path: Path) -> None:
-    events = run_locally(tasks(ball_folder, tmp_path, Budget(10_000, None)), 1)
+    events = run_locally(tasks(ball_folder, tmp_path, Budget(1000, None)), 1)
     next(events)
     events.close()  # type: ignore[attr-defined]
     assert multiprocessing.active_children() == []

@@ -27,7 +27,7 @@ from harness.records.metric_table import METRICS
 
 ROOT = Path(__file__).parents[3]
 SEEDS = (*GATE_SEEDS, *OTHER_SEEDS)
-REPEATS = 400
+REPEATS = 240
 Cells = dict[str, np.ndarray]
 """Score → [scenes, methods, seeds], or with draws."""
 

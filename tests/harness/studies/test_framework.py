@@ -10,12 +10,10 @@ import pytest
 
 from harness.command.main import main
 from harness.records.study import (
-    PICTURES_FOLDER,
     SHELVES,
     Answer,
     Check,
     Effect,
-    Picture,
     Series,
     Studies,
     StudyInfo,
@@ -221,8 +219,7 @@ EVERYTHING = Studies(
                                  spread=(0.9, 1.1), id="a.b"),
          Effect("qnerf", "nerf", "all", "psnr", "steps", 0.1, (0.0, 0.2), None, 2, OPEN, None, 3, 0),
          Series("panel", 1, "line", "x", "y", [1.0, 2.0], [None, 1.0], None, [1.0, 2.0], False, True),
-         Table("t", 1, "table", ["a", "b"], [["x", 1.0], [None, 2.0]]),
-         Picture(1, "t", "c", f"{PICTURES_FOLDER}/p.png")],
+         Table("t", 1, "table", ["a", "b"], [["x", 1.0], [None, 2.0]])],
         1.5)], True,
 )  # fmt: skip
 

@@ -184,7 +184,7 @@ def test_its_training_has_the_same_bits(tmp_path: Path, monkeypatch: pytest.Monk
     monkeypatch.setattr("harness.execution.run.run_locally", in_this_process)
     first, view_set = tmp_path / "first", tmp_path / "ball"
     write_ball(view_set)
-    options = ["--profile", "smoke", "--view-set", str(view_set), "--budget-steps", "12", "--seeds", "2"]
+    options = ["--profile", "smoke", "--view-set", str(view_set), "--budget-steps", "3", "--seeds", "2"]
     options += ["--methods", "nerf", "qnerf", "--resolution", "16"]
     assert main(["run", *options, "--quiet", "--out", str(first)]) == 0
     records = read_records(first)

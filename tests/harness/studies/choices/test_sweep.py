@@ -24,14 +24,14 @@ from tests.harness.ball import ball_with_validation_views, write_ball
 @pytest.mark.slow
 def test_every_method_is_trained_at_every_rate(tmp_path: Path) -> None:
     folder = ball_with_validation_views(tmp_path / "ball")
-    plan = planned("smoke", methods=["nerf", "qnerf"], seeds=1, precision="float32")
+    plan = planned("smoke", methods=["qnerf"], seeds=1, precision="float32")
     views = replace(tiny.VIEWS, val=2)
     plan = replace(plan, scenes=("ball",), train=tiny.TRAIN, score=tiny.SCORE, views=views, budget=Budget(6, None))
     rows = list(sweep(plan, {"ball": folder}, tmp_path, 1, "cpu"))
     assert [(row.method, row.tried) for row in rows] == [
         (method, tried_in(plan, arm)) for method in plan.methods for arm in ARMS
     ]
-    assert len({row.psnr_val for row in rows}) == len(rows) - 4, "only the two arms of all pixels repeat others"
+    assert len({row.psnr_val for row in rows}) == len(rows) - 2, "only the two arms of all pixels repeat others"
     assert all(row.core_seconds > 0 for row in rows)
 
 
