@@ -166,7 +166,7 @@ def tests_oldest(session: nox.Session) -> None:
 def commands(session: nox.Session) -> None:
     """Run every session and every command end to end, each in its shortest form."""
     install(session, "test")
-    session.run("python", "-m", "tests.every_command", sys.executable)
+    session.run("python", "-m", "tools.every_command", sys.executable)
 
 
 @nox.session

@@ -13,9 +13,9 @@ import pytest
 from harness.command.main import COMMANDS, STUDIES, parsed
 from harness.records.cells import read_cells
 from harness.records.json_record import write_json
-from tests.every_command import blocks
 from tests.harness.shell import ROOT
 from tests.reports.fake_run import write_fake_run
+from tools.every_command import blocks
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
 SESSIONS = set(re.findall(r"^@nox\.session\ndef (\w+)", (ROOT / "noxfile.py").read_text(encoding="utf-8"), re.M))

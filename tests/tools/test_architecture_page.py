@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from tests.architecture_picture import PICTURE, House, house_drawn, house_of, picture_of
 from tests.harness.shell import ROOT
 from tests.test_architecture import FLOORS
+from tools.architecture_picture import PICTURE, House, house_drawn, house_of, picture_of
 
 HOW_TO = ["architecture", "add-a-method", "add-a-scene", "add-a-metric"]
-REMEDY = "python -m tests.architecture_picture"
+REMEDY = "python -m tools.architecture_picture"
 
 
 def out_of_date(picture: str, house: House) -> Iterator[str]:

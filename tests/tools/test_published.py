@@ -9,11 +9,11 @@ import pytest
 
 from harness.records.former.four_words import in_two_words
 from harness.verdicts.changes import change
-from reports.run.saving.constants import choice, difference, drawings, main, means, on_complete_scenes, surface
-from reports.run.saving.published_cells import cells_of, condition_of, judged_again
-from reports.run.saving.replicates import Run, answer
-from reports.run.saving.run_blocks import DUELS
 from tests.harness.shell import ROOT
+from tools.published.published_cells import cells_of, condition_of, judged_again
+from tools.published.replicates import Run, answer
+from tools.published.run_blocks import DUELS
+from tools.published.search_blocks import choice, difference, drawings, main, means, on_complete_scenes, surface
 
 METHODS = ["nerf", "nerf_matched", "qnerf"]
 

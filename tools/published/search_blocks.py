@@ -1,6 +1,6 @@
 """The search for the constants that the paper does not give: its scores as a picture, its choice as a table.
 
-python -m reports.run.saving.constants RECORD.json PICTURE.png
+python -m tools.published.search_blocks RECORD.json PICTURE.png
 """
 
 import json
@@ -19,8 +19,8 @@ from reports.data.wording import listed, number, signed
 from reports.drawing.palette import MARKERS, OTHERS
 from reports.drawing.sheet import Drawing, key_of, save_sheet
 from reports.drawing.traces import Panel, Trace
-from reports.run.saving.run_blocks import table
 from scenes.files.json_object import JsonObject
+from tools.published.run_blocks import table
 
 Search = JsonObject
 """What `python -m harness study constants` writes."""

@@ -9,8 +9,8 @@ from harness.records.metric_table import METRICS
 from harness.records.study import Studies
 from harness.verdicts.statistics import paired_difference, verdict
 from reports.data.wording import counted, interval, listed, number, signed, significant
-from reports.run.saving.published_cells import Run
-from reports.run.saving.run_blocks import table, target
+from tools.published.published_cells import Run
+from tools.published.run_blocks import table, target
 
 FRONTIER_PICTURE = "![Error against core seconds of training](frontier/frontier.png)"
 

@@ -1,4 +1,4 @@
-"""Draw `docs/architecture.svg` from the imports: `python -m tests.architecture_picture` writes it.
+"""Draw `docs/architecture.svg` from the imports: `python -m tools.architecture_picture` writes it.
 
 Rooms and arrows are those of `tests/test_architecture.py`. Lines of code are rounded to hundreds. The picture is out of
 date only when a room or an arrow is added or removed; its numbers may be older.

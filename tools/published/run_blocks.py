@@ -16,8 +16,8 @@ from reports.claims.estimands import SENSES, between, judged_in_words
 from reports.data.outcome import between_runs, doubts, in_runs, shared
 from reports.data.wording import BUDGETS, VERDICTS, counted, listed, number, signed
 from reports.run.ceiling import lines_of
-from reports.run.saving.published_cells import Run, condition_of
-from reports.run.saving.replicates import (
+from tools.published.published_cells import Run, condition_of
+from tools.published.replicates import (
     BASELINE,
     CONTROL,
     FAVOURITE,

@@ -150,10 +150,10 @@ def forked(package: str, arguments: list[str], printed: str) -> int:
     process = FORKS.Process(target=as_main, args=(package, arguments, printed))
     process.start()
     process.join(SECONDS)
-    if process.is_alive():
+    if process.exitcode is None and process.pid is not None:
         os.killpg(process.pid, signal.SIGKILL)
         process.join()
-    return process.exitcode
+    return -signal.SIGKILL if process.exitcode is None else process.exitcode
 
 
 def as_main(package: str, arguments: list[str], printed: str) -> None:

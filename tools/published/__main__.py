@@ -1,4 +1,4 @@
-"""python -m reports.run.saving.published: write the numbers of README.md and docs from the published files.
+"""python -m tools.published: write the numbers of README.md and docs from the published files.
 
     <!-- numbers: NAME -->
     the text that `block(NAME, docs)` makes from docs/*.json
@@ -16,8 +16,8 @@ from pathlib import Path
 
 from harness.records.former.four_words import in_two_words
 from harness.records.study import Studies, read_studies
-from reports.run.saving import constants, run_blocks, study_blocks
-from reports.run.saving.published_cells import Run, judged_again
+from tools.published import run_blocks, search_blocks, study_blocks
+from tools.published.published_cells import Run, judged_again
 
 RUN = ("reduced/summary.json",)
 REPLICATES = "reduced/processors.json?"
@@ -27,8 +27,8 @@ BLOCKS: dict[str, tuple[tuple[str, ...], Callable[..., str]]] = {
     "result": ((*RUN, REPLICATES), run_blocks.result),
     "equal time": (RUN, run_blocks.equal_time),
     "scores": (RUN, run_blocks.scores),
-    "constants": (("constants.json",), lambda search: constants.choice(constants.on_complete_scenes(search))),
-    "late constants": (("constants_late.json",), constants.choice),
+    "constants": (("constants.json",), lambda search: search_blocks.choice(search_blocks.on_complete_scenes(search))),
+    "late constants": (("constants_late.json",), search_blocks.choice),
     "further methods": (RUN, run_blocks.further),
     "failures": (RUN, run_blocks.failed),
     "last doubling": (RUN, run_blocks.doubling),

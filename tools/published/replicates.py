@@ -9,7 +9,7 @@ from harness.records.json_record import as_promised
 from harness.records.verdict import Verdict, common
 from reports.claims.headline import rising, title_of
 from reports.data.outcome import Outcome, clauses
-from reports.run.saving.published_cells import Run
+from tools.published.published_cells import Run
 
 BASELINE, CONTROL, FAVOURITE, REPAIRED = "nerf", "nerf_matched", "qnerf", "qnerf_repaired"
 FORMER_HEADLINE = re.compile(r"([+-][\d.]+) dB \((\w+)\)")

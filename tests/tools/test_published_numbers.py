@@ -13,11 +13,11 @@ from harness.records.former.four_words import in_two_words
 from harness.records.json_record import plain
 from harness.records.study import Answer, Table, check, read_studies
 from harness.records.verdict import OPEN, Verdict
-from reports.run.saving.published import BLOCKS, MARKED, block, main, pages, rewritten
-from reports.run.saving.published_cells import judged_again
-from reports.run.saving.run_blocks import DUELS
 from tests.harness.shell import ROOT
 from tests.reports.fake_studies import fake_studies, study, write_fake_studies
+from tools.published.__main__ import BLOCKS, MARKED, block, main, pages, rewritten
+from tools.published.published_cells import judged_again
+from tools.published.run_blocks import DUELS
 
 ELSEWHERE = {
     "judge.md": "tests/docs/test_judge_page.py",
@@ -49,7 +49,7 @@ def outside_of_blocks(text: str) -> str:
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_blocks_are_what_the_data_give(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
-    assert text == rewritten(text, ROOT / "docs"), "python -m reports.run.saving.published"
+    assert text == rewritten(text, ROOT / "docs"), "python -m tools.published"
     assert text.count("<!-- numbers:") == len(MARKED.findall(text)) == text.count("<!-- end -->")
 
 

@@ -1,0 +1,1 @@
+"""Commands for who maintains this repository, not shipped: they may import everything, and nothing imports them."""
