@@ -63,6 +63,7 @@ TRAININGS: dict[str, Training] = {
     "no_direction": Training(("nerf", "nerf_no_direction"), DIRECTED[1:], 1000, seeds=tuple(range(6))),
     "images": Training(("nerf",), DIRECTED, 400, train_views=SCARCE),
     "half_images": Training(("nerf",), DIRECTED, 400, train_views=SCARCE // 2),
+    "full_steps": Training(("nerf",), tuple(CLASSICS), 1000, seeds=(0, 1)),
     "steps_850": Training(("nerf",), tuple(CLASSICS), 850, seeds=(0, 1)),
     "steps_930": Training(("nerf",), tuple(CLASSICS), 930, seeds=(0, 1)),
     "quarter_images": Training(("nerf",), DIRECTED, 400, train_views=SCARCE // 4),
@@ -70,9 +71,9 @@ TRAININGS: dict[str, Training] = {
     "bandwidth_100": Training(LADDERS, tuple(CLASSICS), 400, seeds=(0,), train_views=60, test_views=3),
     "bandwidth_200": Training(LADDERS, tuple(CLASSICS), 400, seeds=(0,), resolution=200, train_views=60, test_views=3),
     "bandwidth_300": Training(LADDERS, tuple(CLASSICS), 400, seeds=(0,), resolution=300, train_views=60, test_views=3),
-    "objections": Training(OBJECTED, tuple(CLASSICS), 1000, seeds=(0, 1)),
+    "objections": Training(OBJECTED, tuple(CLASSICS), 1000, seeds=(0,)),
     "no_silhouettes": Training(
-        WITHOUT_SILHOUETTES, tuple(CLASSICS), 1000, seeds=(0, 1), need=("outside_hull", "background_rays")
+        WITHOUT_SILHOUETTES, tuple(CLASSICS), 1000, seeds=(0,), need=("outside_hull", "background_rays")
     ),
     "box_own": Training(DENSITIES, tuple(CLASSICS), 200, seeds=TEN, checkpoints=1),
     "box_1_5": Training(DENSITIES, THIN, 200, seeds=TEN, checkpoints=1, half_side=1.5),

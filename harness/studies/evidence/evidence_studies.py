@@ -13,7 +13,7 @@ STUDIES: dict[str, Study] = catalogue(
            "NeRF without positional encoding, without view direction, with half and with a quarter of the training "
            "views where these are few, and with 7 and 15 % fewer steps, each against NeRF, judged like Q-NeRF.",
            "positive_controls:positive_controls", 5400,
-           "no_encoding", "no_direction", "images", "half_images", "quarter_images", "objections", "steps_850",
+           "no_encoding", "no_direction", "images", "half_images", "quarter_images", "full_steps", "steps_850",
            "steps_930"),
     asking("ceilings", "Is the noise ceiling right?",
            "Does the PSNR ceiling that follows from the ground truth's own variance agree with an independent render?",
@@ -34,9 +34,9 @@ STUDIES: dict[str, Study] = catalogue(
     asking("objections", "What if it were compared otherwise?",
            "Does the verdict change with the start of the field, the encoding of NeRF or the paper's quadrature, or "
            "without silhouettes or the amplifier?",
-           "Pairs of methods that differ in what is objected to, on all eight scenes, judged like the headline; those "
-           "with Eq. 4 are rendered again without it.",
-           "objections:objections", 6000, "objections", "no_silhouettes"),
+           "Pairs of methods that differ in what is objected to, on all eight scenes with one seed, judged like the "
+           "headline; those with Eq. 4 are rendered again without it.",
+           "objections:objections", 3000, "objections", "no_silhouettes"),
     asking("collapse", "Does a training end without a picture?",
            "How often does a training diverge, end empty, or score below a copy of the nearest training view?",
            "Five readings of density with ten seeds in the scenes' own boxes, and thin scenes in cubes of up to "

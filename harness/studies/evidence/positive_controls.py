@@ -57,8 +57,8 @@ CONTROLS = (
     Control("nerf_no_direction", "without view direction", 27.66, "no_direction", "no_direction", "view_direction"),
     Control("nerf_half_images", "with half of the images", 29.79, "half_images", "images"),
     Control("nerf_quarter_images", "with a quarter of the images", 27.78, "quarter_images", "images"),
-    Control("nerf_850_steps", "with 15 % fewer steps", None, "steps_850", "objections"),
-    Control("nerf_930_steps", "with 7 % fewer steps", None, "steps_930", "objections"),
+    Control("nerf_850_steps", "with 15 % fewer steps", None, "steps_850", "full_steps"),
+    Control("nerf_930_steps", "with 7 % fewer steps", None, "steps_930", "full_steps"),
 )
 """The last two lose about what Q-NeRF is claimed to gain: 0.1 to 0.4 dB."""
 
