@@ -19,6 +19,10 @@ from tests.harness.cells import cell, checkpoint, diverged
 from tests.harness.studies.evidence.planted import context_of, effect, sentences, table
 from tests.replacing import replace
 
+AMPLIFIERS = {
+    "qnerf": {"alpha_phi": 1.1, "psnr_without_amplifier": -0.05},
+    "qnerf_listing4": {"alpha_phi": 0.5, "psnr_without_amplifier": -9.0},
+}
 GAINS = {"qnerf": 0.4, "nerf_released": -0.3, "qnerf_shifted": 1.0}
 
 
@@ -29,7 +33,7 @@ def cells_of(methods: tuple[str, ...]) -> list[CellRecord]:
         for seed in (0, 1):
             for method in methods:
                 psnr = 24.0 + place + GAINS.get(method, 0.0) + draw.normal(0.0, 0.02)
-                amplifier = {"alpha_phi": 1.1, "psnr_without_amplifier": -0.05} if method == "qnerf" else {}
+                amplifier = AMPLIFIERS.get(method, {})
                 curve = [checkpoint(1000, 10.0, psnr, ssim=0.9)]
                 made.append(cell(scene, method, seed, curve, scores={"psnr": psnr, "ssim": 0.9}, properties=amplifier))
     return made
@@ -42,12 +46,13 @@ def test_each_objection_has_its_difference_and_the_amplifier_its_sentence(tmp_pa
     assert "α φ lies between 1.10 and 1.10 (16 trainings)" in first
     assert "to within 10 %" in first
     assert "−0.05 dB on average" in first
+    assert first.endswith("Rendered by Listing 4, α φ lies between 0.50 and 0.50 (16 trainings).")
     for objection in OBJECTIONS:
         pair = f"{objection.words}: {objection.method} − {objection.against} is"
         assert any(words.startswith(pair) for words in others)
     truth = GAINS["qnerf"] - GAINS["nerf_released"]
     assert effect(findings, "qnerf", "nerf_released").difference == pytest.approx(truth, abs=0.03)
-    assert len(table(findings, "taken_out").rows) == len(CLASSICS)
+    assert len(table(findings, "taken_out").rows) == len(AMPLIFIERS) * len(CLASSICS)
 
 
 def test_without_an_amplifier_there_is_nothing_to_take_out() -> None:
