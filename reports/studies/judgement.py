@@ -97,6 +97,11 @@ def methods_grid(record: JudgementRecord, ranking: Ranking, caption: str = FROM_
                 Entry(f"{place.steps:,.0f}", value=place.steps) if place.steps is not None else EMPTY,
             ]
         )
+    note = _note(ranking, everything)
+    return without_empty_columns(Grid(caption, columns, rows, note=note), always=2)
+
+
+def _note(ranking: Ranking, everything: bool) -> str:
     note = (
         f"Signs and intervals are at 95 % for all {ranking.family} comparisons together: signs by the step-down max-T "
         "procedure over flips of the scenes' signs (Holm's with fewer than six scenes), intervals by Bonferroni's t, "
@@ -108,7 +113,7 @@ def methods_grid(record: JudgementRecord, ranking: Ranking, caption: str = FROM_
         f" {letters_line(ranking)} The probability of being best is that of the mean over scenes like these (Bayesian "
         "bootstrap)."
     )
-    return without_empty_columns(Grid(caption, columns, rows, note=note + (groups if everything else "")), always=2)
+    return note + (groups if everything else "")
 
 
 def _q_values(ranking: Ranking) -> dict[Pair | None, float]:

@@ -12,7 +12,7 @@ readers (`scenes.view_sets.formats.foreign`).
 
 import hashlib
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -102,9 +102,7 @@ def read_view_set(
     folder: Path | str,
     resolution: int | None = None,
     splits: Sequence[str] = SPLITS,
-    train_count: int | None = None,
-    val_count: int | None = None,
-    test_count: int | None = None,
+    counts: Mapping[str, int | None] | None = None,
     geometry: Sequence[str] = ("test",),
     scratch: Path | None = None,
     region: Region | None = None,
@@ -112,22 +110,21 @@ def read_view_set(
 ) -> ViewSet:
     """Read a folder, or a file, at `resolution` pixels of width (default: as stored), averaging areas.
 
-    Splits that are not in `splits` are left empty, and so is a missing `val`; counts take evenly spread subsets, or all
-    views. Depth and normals are read for the splits in `geometry`. `region` overrides the manifest or the format.
-    Bounds that no file states, a convention of the format or derived from the cameras, are reduced to the `hull` of the
-    training views. The decoded images, 16 bytes per pixel and as much again for geometry, go to nameless files in
-    `scratch`, which should be on a disk (`scenes.view_sets.image_stack`). Images of other programs are kept in the
-    folder `decoded` at this width, if it exists, and read from there until their file changes. Raises `InputError`,
-    which names the remedy, for anything missing, malformed, damaged or unsupported, and if `scratch` has no room.
+    Splits that are not in `splits` are left empty, and so is a missing `val`; `counts` maps a split to the number of
+    its views to take, evenly spread. Depth and normals are read for the splits in `geometry`. `region` overrides the
+    manifest or the format. Bounds that no file states, a convention of the format or derived from the cameras, are
+    reduced to the `hull` of the training views. The decoded images, 16 bytes per pixel and as much again for geometry,
+    go to nameless files in `scratch`, which should be on a disk (`scenes.view_sets.image_stack`). Images of other
+    programs are kept in the folder `decoded` at this width, if it exists, and read from there until their file changes.
+    Raises `InputError`, which names the remedy, for anything missing, malformed, damaged or unsupported, and if
+    `scratch` has no room.
     """
     folder = Path(folder)
     manifest = read_manifest(folder) if folder.is_dir() else {}
     source = source_of(folder)
-    counts = {"train": train_count, "val": val_count, "test": test_count}
-    chosen: dict[str, Frames] = {}
-    for split in SPLITS:
-        if split in splits and (frames := _frames(folder, split, source, manifest, counts[split])):
-            chosen[split] = frames
+    most = counts or {}
+    found = {name: _frames(folder, name, source, manifest, most.get(name)) for name in SPLITS if name in splits}
+    chosen: dict[str, Frames] = {split: frames for split, frames in found.items() if frames}
     if not chosen:
         raise InputError(f"{folder}: none of the splits {' '.join(splits)} is there")
     _require_consistent(folder, chosen)

@@ -82,7 +82,7 @@ def test_the_derived_region_holds_every_ray_and_is_the_same_for_every_split(tmp_
     poses = all_poses("train")[:21].copy()
     poses[:, :3, 3] = 10 * poses[:, :3, 3] + [100.0, 50, -20]
     folder = capture(tmp_path / "far", 21, poses)
-    result, tested = read_view_set(folder), read_view_set(folder, splits=("test",), test_count=1)
+    result, tested = read_view_set(folder), read_view_set(folder, splits=("test",), counts={"test": 1})
     assert np.array_equal(result.bounds, tested.bounds)
     assert (result.near, result.far) == (tested.near, tested.far)
     assert np.allclose(result.bounds.mean(axis=0), [100, 50, -20], atol=1e-6)

@@ -41,7 +41,7 @@ def test_the_notebook_s_file(tmp_path: Path) -> None:
 def test_any_order_of_reading_and_compressed(tmp_path: Path) -> None:
     data = dict(np.load(tiny(tmp_path / "a.npz", 106)))
     np.savez_compressed(tmp_path / "b.npz", **data)
-    result = read_view_set(tmp_path / "b.npz", train_count=3, splits=("test", "train"))
+    result = read_view_set(tmp_path / "b.npz", counts={"train": 3}, splits=("test", "train"))
     for i, name in enumerate(result.train.names):
         assert np.array_equal(result.train.rgba[i][..., :3], data["images"][int(name.rpartition("/")[2])])
 

@@ -67,11 +67,11 @@ def test_a_smaller_size_is_the_mean_in_linear_light(stored_once: Path) -> None:
 
 
 def test_counts_take_subsets_spread_over_azimuth(stored_once: Path) -> None:
-    result = read_view_set(stored_once, splits=("train", "test"), train_count=2, test_count=1)
+    result = read_view_set(stored_once, splits=("train", "test"), counts={"train": 2, "test": 1})
     assert len(result.train.names) == 2
     assert len(result.test.names) == 1
     assert result.val.rgba.shape == (0, 16, 16, 4)
-    complete = read_view_set(stored_once, train_count=999)
+    complete = read_view_set(stored_once, counts={"train": 999})
     assert len(complete.train.names) == 3
     assert (complete.train.depth, complete.test.depth is None) == (None, False)  # geometry only of the test views
 
@@ -110,7 +110,7 @@ def test_a_folder_of_the_field_is_read(foreign: Path) -> None:
 
 @pytest.mark.parametrize("size", [40, 20, 17, 1])
 def test_at_any_size(foreign: Path, size: int) -> None:
-    result = read_view_set(foreign, resolution=size, test_count=3)
+    result = read_view_set(foreign, resolution=size, counts={"test": 3})
     assert result.test.rgba.shape == (3, size, size, 4)
     name = result.test.names[1]
     full = over_white(read_image(foreign / f"{name}.png"))
@@ -159,8 +159,8 @@ def test_bad_folders_are_refused(foreign: Path, damage: Callable[[Path], object]
     ("request_", "message"),
     [
         *(({"resolution": size}, "resolution") for size in (0, -5, 41)),
-        ({"splits": ("train",), "train_count": 0}, "no view"),
-        ({"train_count": -1}, "0 or more"),
+        ({"splits": ("train",), "counts": {"train": 0}}, "no view"),
+        ({"counts": {"train": -1}}, "0 or more"),
     ],
 )
 def test_invalid_requests_are_refused(foreign: Path, request_: dict[str, Any], message: str) -> None:

@@ -12,6 +12,9 @@ from torch import Tensor
 from baselines.numerics.quadrature import QUADRATURES
 from harness.records.study import Owner
 
+Real = Any
+"""A number of mpmath, which has no types."""
+
 DIGITS = 40
 OURS = [name for name, rule in QUADRATURES.items() if not rule.of_the_paper]
 MOST_SLOPE = 1.5
@@ -46,7 +49,7 @@ class Profile:
 
     name: str
     sigma: Callable[[Tensor], Tensor]
-    depth: Callable[[Any], Any]
+    depth: Callable[[Real], Real]
     layer: float
     """The length over which most light is lost: the reference integrates more finely there."""
 
@@ -75,7 +78,7 @@ def exponential(tau: float, rate: float = 3.0) -> Profile:
 
 
 def gaussian(tau: float, centre: float = 0.5, width: float = 0.15) -> Profile:
-    def below(t: Any) -> Any:
+    def below(t: Real) -> Real:
         return mpmath.erf((t - centre) / (width * mpmath.sqrt(2)))
 
     scale = tau / float(below(mpmath.mpf(1)) - below(mpmath.mpf(0)))
@@ -93,10 +96,10 @@ def exact(profile: Profile) -> tuple[float, float]:
     """Return opacity A(1) and colour ∫ c dA = c(1) A(1) − ∫ c′ A dt with A = 1 − exp(−τ(t)), by mpmath."""
     with mpmath.workdps(20):
 
-        def opacity(t: Any) -> Any:
+        def opacity(t: Real) -> Real:
             return -mpmath.expm1(-profile.depth(t))
 
-        def moved(t: Any) -> Any:
+        def moved(t: Real) -> Real:
             return mpmath.mpf(1.5) * mpmath.sin(3 * t + 0.5) * opacity(t)
 
         cuts = [mpmath.mpf(0), *(profile.layer * 4.0**k for k in range(-1, 12) if profile.layer * 4.0**k < 0.9)]
@@ -106,7 +109,7 @@ def exact(profile: Profile) -> tuple[float, float]:
         return float(total), float(seen + mpmath.quad(moved, cuts, method="gauss-legendre", maxdegree=4))
 
 
-def weights_in_digits(rule: str, sigma: Sequence[Any], lengths: Sequence[Any]) -> list[Any]:
+def weights_in_digits(rule: str, sigma: Sequence[Real], lengths: Sequence[Real]) -> list[Real]:
     """Return the weights of one ray and, last, T_end, by the definition of a rule, in mpmath numbers."""
     stride, closed = QUADRATURES[rule].stride, QUADRATURES[rule].closed
     w = [mpmath.mpf(0)] * (stride * len(lengths) + closed)
