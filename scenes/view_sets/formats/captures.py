@@ -33,8 +33,6 @@ from scenes.view_sets.source import Region, Source
 from scenes.view_sets.viewpoints import rigid
 
 IMAGES, LLFF = "images", "poses_bounds.npy"
-OTHERS = {7: ("FOV", 5), 10: ("THIN_PRISM_FISHEYE", 12)}
-"""Map COLMAP's number of a refused model → its name and number of parameters."""
 LARGEST_BYTES = 1 << 30
 HELD_OUT = 8
 MOST_RANGE = 20.0
@@ -193,11 +191,10 @@ def _cameras(file: Path) -> Iterator[tuple[int, Lens]]:
     (count,), at = struct.unpack_from("<Q", data), 8
     for _ in range(count):
         number, model, width, height = struct.unpack_from("<iiQQ", data, at)
-        name, many = (
-            (MODELS[model][0], len(MODELS[model][1])) if model in MODELS else OTHERS.get(model, (str(model), 0))
-        )
-        yield number, _lens(file, number, name, width, height, struct.unpack_from(f"<{many}d", data, at + 24))
-        at += 24 + 8 * many
+        name, parameters = MODELS.get(model, (str(model), ()))
+        numbers = struct.unpack_from(f"<{len(parameters)}d", data, at + 24)
+        yield number, _lens(file, number, name, width, height, numbers)
+        at += 24 + 8 * len(parameters)
 
 
 def _lens(file: Path, number: int, model: str, width: int, height: int, numbers: Sequence[float]) -> Lens:

@@ -23,9 +23,12 @@ MODELS = {
     4: ("OPENCV", ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2")),
     5: ("OPENCV_FISHEYE", ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4")),
     6: ("FULL_OPENCV", ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")),
+    7: ("FOV", ("fx", "fy", "cx", "cy", "omega")),
     8: ("SIMPLE_RADIAL_FISHEYE", ("f", "cx", "cy", "k1")),
     9: ("RADIAL_FISHEYE", ("f", "cx", "cy", "k1", "k2")),
+    10: ("THIN_PRISM_FISHEYE", ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "k4", "sx1", "sy1")),
 }
+"""COLMAP's number of a model → its name and parameters."""
 NAMES = tuple(name for name, _ in MODELS.values())
 SAME = 1e-4
 """The distance in pixels below which two lenses show the same picture."""
@@ -53,6 +56,10 @@ class Lens:
     """k4, k5, k6 of FULL_OPENCV, by whose factor it is divided."""
     tangential: tuple[float, float] = (0.0, 0.0)
     """p1, p2."""
+    prism: tuple[float, float] = (0.0, 0.0)
+    """sx1, sy1 of THIN_PRISM_FISHEYE: the shift per r²."""
+    omega: float = 0.0
+    """ω of FOV, in radians: r becomes atan(2 r tan(ω / 2)) / ω."""
     is_fisheye: bool = False
 
     @staticmethod
@@ -65,11 +72,12 @@ class Lens:
         parts = (k[:3], k[3:]) if model == "FULL_OPENCV" else (k[:4], ())
         radial, divisor = (part if any(part) else () for part in parts)
         fx, fy = (values[name] for name in (("f", "f") if "f" in values else ("fx", "fy")))
-        tangential = values.get("p1", 0.0), values.get("p2", 0.0)
+        tangential, prism = ((values.get(x, 0.0), values.get(y, 0.0)) for x, y in (("p1", "p2"), ("sx1", "sy1")))
+        omega, is_fisheye = values.get("omega", 0.0), "FISHEYE" in model
         cx, cy = values["cx"], values["cy"]
-        lens = Lens(width, height, fx, fy, cx, cy, radial, divisor, tangential, "FISHEYE" in model)
-        middles = lens.cx - width / 2, lens.cy - height / 2
-        if max(abs(middle + 0.5) for middle in middles) < SAME and not (radial or divisor or any(lens.tangential)):
+        lens = Lens(width, height, fx, fy, cx, cy, radial, divisor, tangential, prism, omega, is_fisheye)
+        is_distorted = any((radial, divisor, omega, *tangential, *prism))
+        if max(abs(cx - width / 2 + 0.5), abs(cy - height / 2 + 0.5)) < SAME and not is_distorted:
             # (w − 1) / 2 is the centre if pixels are counted from the middle of the first one
             return replace(lens, cx=width / 2, cy=height / 2)
         return lens
@@ -91,20 +99,23 @@ class Lens:
 
     def seen_at(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return column and row in the picture of directions (x, y, 1) in the camera's frame, y down."""
+        projected = self._projected(x * x + y * y)
+        x, y = x * projected, y * projected
         square = x * x + y * y
-        stretch = self._stretch(square)
-        p1, p2 = self.tangential
-        column = x * stretch + 2.0 * p1 * x * y + p2 * (square + 2.0 * x * x)
-        row = y * stretch + 2.0 * p2 * x * y + p1 * (square + 2.0 * y * y)
+        factor, (p1, p2), (sx1, sy1) = self._factor(square), self.tangential, self.prism
+        column = x * factor + 2.0 * p1 * x * y + p2 * (square + 2.0 * x * x) + sx1 * square
+        row = y * factor + 2.0 * p2 * x * y + p1 * (square + 2.0 * y * y) + sy1 * square
         return self.fx * column + self.cx, self.fy * row + self.cy
 
-    def _stretch(self, square: np.ndarray) -> np.ndarray:
-        """Return the factor by which the lens moves directions of tan² = `square` away from the axis."""
-        if self.is_fisheye:
-            tangent = np.sqrt(square)
-            angle = np.arctan(tangent)
-            ratio = np.where(tangent > 1e-9, angle / np.maximum(tangent, 1e-9), 1.0)
-            return np.asarray(ratio * polyval(angle * angle, (1.0, *self.radial)))
+    def _projected(self, square: np.ndarray) -> np.ndarray:
+        """Return the factor of the projection for directions of tan² = `square`; 1 for a perspective one."""
+        scale = 1.0 if self.is_fisheye else 2.0 * math.tan(0.5 * self.omega)
+        if scale == 0.0:
+            return np.ones_like(square)
+        tangent = np.maximum(np.sqrt(square), 1e-9)
+        return np.arctan(scale * tangent) / ((1.0 if self.is_fisheye else self.omega) * tangent)
+
+    def _factor(self, square: np.ndarray) -> np.ndarray:
         return np.asarray(polyval(square, (1.0, *self.radial)) / polyval(square, (1.0, *self.divisor)))
 
     def holds(self, pinhole: "Lens") -> bool:
@@ -113,7 +124,8 @@ class Lens:
         column, row = self.seen_at(x, y)
         inside = (column >= 0) & (column <= self.width) & (row >= 0) & (row <= self.height)
         tangent = np.linspace(0.0, np.hypot(x, y).max(), 65)
-        return bool(inside.all() and (np.diff(tangent * self._stretch(tangent * tangent)) > 0.0).all())
+        radius = tangent * self._projected(tangent * tangent)
+        return bool(inside.all() and (np.diff(radius * self._factor(radius * radius)) > 0.0).all())
 
     def shows(self, pinhole: "Lens") -> bool:
         """Return whether the picture of this lens is that of the pinhole, pixel by pixel."""

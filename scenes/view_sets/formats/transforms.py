@@ -13,7 +13,7 @@ from msgspec import Meta, Struct, ValidationError, convert, structs
 
 from scenes.files.errors import InputError
 from scenes.files.json_object import JsonObject
-from scenes.view_sets.formats.lens import NAMES, Lens, common_pinhole, read_through, resampling_note, seen_size
+from scenes.view_sets.formats.lens import MODELS, Lens, common_pinhole, read_through, resampling_note, seen_size
 from scenes.view_sets.images import header
 from scenes.view_sets.viewpoints import check_field_of_view, rigid
 
@@ -26,6 +26,8 @@ PIXEL = 1.0
 """The deviation at a picture's edge, in pixels, above which two values of one focal length contradict each other."""
 PERSPECTIVE = ("PERSPECTIVE", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV")
 """The models whose parameters have the meaning of OPENCV's."""
+NAMED = tuple(name for name, parameters in MODELS.values() if not {"omega", "sx1"} & set(parameters))
+"""The models whose parameters have keys in these files."""
 
 Number = Annotated[float, Meta(gt=-1e30, lt=1e30)]
 Pixels = Annotated[float, Meta(gt=1e-6, lt=1e9)]
@@ -304,9 +306,9 @@ def _model(camera: Camera, where: str) -> str:
     name = (camera.camera_model or "OPENCV").upper()
     if name in PERSPECTIVE:
         return "OPENCV"
-    if name not in NAMES:
+    if name not in NAMED:
         raise InputError(
-            f"{where}: camera_model is {shown(camera.camera_model)}; {' '.join(NAMES)} are read: undistort the images "
+            f"{where}: camera_model is {shown(camera.camera_model)}; {' '.join(NAMED)} are read: undistort the images "
             "to a pinhole (COLMAP's image_undistorter)"
         )
     return name

@@ -14,7 +14,6 @@ from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from scenes.files.errors import InputError
-from scenes.view_sets.formats.captures import OTHERS
 from scenes.view_sets.formats.foreign import source_of
 from scenes.view_sets.formats.lens import MODELS, Lens, as_pinhole, common_pinhole
 from scenes.view_sets.formats.transforms import DISTORTION
@@ -23,6 +22,7 @@ from scenes.view_sets.source import Region
 from scenes.view_sets.view_set import ViewSet, read_view_set
 from tests.harness.ball import FOV_X_RADIANS, ball_view, pose
 
+UNKNOWN = ("RAD_TAN_THIN_PRISM_FISHEYE",)
 WIDTH, HEIGHT, COUNT = 24, 24, 17
 FOCAL = 0.5 * WIDTH / math.tan(0.5 * FOV_X_RADIANS)
 POSES = np.array([pose(0.8 * number, 0.2 + 0.05 * number) for number in range(COUNT)])
@@ -49,7 +49,7 @@ def write_colmap(
     rows.reverse()
     model, numbers = camera
     if binary:
-        known = {name: number for number, (name, _) in {**MODELS, **OTHERS}.items()}
+        known = {name: number for number, (name, _) in MODELS.items()} | dict.fromkeys(UNKNOWN, 11)
         lens = struct.pack(f"<iiQQ{len(numbers)}d", 7, known[model], WIDTH, HEIGHT, *numbers)
         (sparse / "cameras.bin").write_bytes(struct.pack("<Q", 1) + lens)
         images = b"".join(
@@ -102,28 +102,36 @@ LENSES = {
     "OPENCV_FISHEYE": (18.0, 18.5, 12.0, 11.5, 0.05, -0.04, 0.02, -0.01),
     "SIMPLE_RADIAL_FISHEYE": (20.0, 12.0, 12.0, -0.1),
     "RADIAL_FISHEYE": (20.0, 11.0, 12.0, 0.1, -0.05),
+    "FOV": (24.0, 23.0, 12.25, 11.75, 0.9),
+    "THIN_PRISM_FISHEYE": (20.0, 20.5, 12.0, 11.5, 0.05, -0.03, 0.01, -0.02, 0.02, -0.01, 0.02, -0.03),
 }
 
 
 def ideal(model: str, values: dict[str, float]) -> tuple[np.ndarray, np.ndarray]:
-    """Return the direction that each pixel of a lens sees, by fixed-point iteration of OpenCV's formulas."""
+    """Return the direction that each pixel of a lens sees, by fixed-point iteration of COLMAP's and OpenCV's formulas;
+    FOV has a closed form.
+    """
     k1, k2, k3, k4, k5, k6, p1, p2, *_ = (values.get(name, 0.0) for name in DISTORTION)
     column, row = np.meshgrid(np.arange(WIDTH) + 0.5, np.arange(HEIGHT) + 0.5)
     u = (column - values["cx"]) / values.get("fx", values.get("f", 0.0))
     v = (row - values["cy"]) / values.get("fy", values.get("f", 0.0))
-    x, y = u.copy(), v.copy()
+    if omega := values.get("omega"):
+        radius = np.hypot(u, v)
+        longer = np.tan(radius * omega) / (2 * radius * np.tan(omega / 2))
+        return longer * u, longer * v
+    x, y = u.copy(), v.copy()  # of a fisheye, the angle from the axis times the direction in the picture
     for _ in range(300):
         r2 = x**2 + y**2
         if model.endswith("FISHEYE"):
-            angle = np.arctan(np.sqrt(r2))
-            factor = angle * (1 + k1 * angle**2 + k2 * angle**4 + k3 * angle**6 + k4 * angle**8) / np.sqrt(r2)
+            factor = 1 + k1 * r2 + k2 * r2**2 + k3 * r2**3 + k4 * r2**4
         else:
             factor = (1 + k1 * r2 + k2 * r2**2 + k3 * r2**3) / (1 + k4 * r2 + k5 * r2**2 + k6 * r2**3)
         x, y = (
-            (u - 2 * p1 * x * y - p2 * (r2 + 2 * x**2)) / factor,
-            (v - 2 * p2 * x * y - p1 * (r2 + 2 * y**2)) / factor,
+            (u - 2 * p1 * x * y - p2 * (r2 + 2 * x**2) - values.get("sx1", 0.0) * r2) / factor,
+            (v - 2 * p2 * x * y - p1 * (r2 + 2 * y**2) - values.get("sy1", 0.0) * r2) / factor,
         )
-    return x, y
+    longer = np.tan(np.hypot(x, y)) / np.hypot(x, y) if model.endswith("FISHEYE") else 1.0
+    return longer * x, longer * y
 
 
 def plane(x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -311,11 +319,10 @@ def test_llff_counts_pictures_alone(tmp_path: Path) -> None:
     assert len(read_view_set(folder).train.names) == COUNT - 3
 
 
-@pytest.mark.parametrize("model", [name for name, _ in OTHERS.values()])
-def test_other_lenses_are_refused_by_name(tmp_path: Path, model: str) -> None:
-    many = next(many for name, many in OTHERS.values() if name == model)
-    folder = write_colmap(tmp_path / "c", (model, (1.0,) * many))
-    with pytest.raises(InputError, match=f"'{model}'.*image_undistorter"):
+@pytest.mark.parametrize(("binary", "said"), [(False, "RAD_TAN_THIN_PRISM_FISHEYE"), (True, "11")])
+def test_other_lenses_are_refused_by_name(tmp_path: Path, binary: bool, said: str) -> None:
+    folder = write_colmap(tmp_path / "c", (UNKNOWN[0], (1.0,) * 16), binary=binary)
+    with pytest.raises(InputError, match=f"'{said}'.*image_undistorter"):
         source_of(folder)
 
 
