@@ -184,8 +184,8 @@ def _lines(file: Path) -> list[str]:
 
 def _cameras(file: Path) -> Iterator[tuple[int, Lens]]:
     if file.suffix == ".txt":
-        for number, model, width, height, *numbers in map(str.split, _lines(file)):
-            yield int(number), _lens(file, int(number), model, int(width), int(height), [float(n) for n in numbers])
+        for number, model, width, height, *words in map(str.split, _lines(file)):
+            yield int(number), _lens(file, int(number), model, int(width), int(height), [float(word) for word in words])
         return
     data = _bytes(file)
     (count,), at = struct.unpack_from("<Q", data), 8

@@ -113,7 +113,7 @@ class Lens:
         if scale == 0.0:
             return np.ones_like(square)
         tangent = np.maximum(np.sqrt(square), 1e-9)
-        return np.arctan(scale * tangent) / ((1.0 if self.is_fisheye else self.omega) * tangent)
+        return np.asarray(np.arctan(scale * tangent) / ((1.0 if self.is_fisheye else self.omega) * tangent))
 
     def _factor(self, square: np.ndarray) -> np.ndarray:
         return np.asarray(polyval(square, (1.0, *self.radial)) / polyval(square, (1.0, *self.divisor)))
