@@ -52,7 +52,7 @@ python -m scenes noise {here}/sets/{set} --repeats 1
 python -m scenes repeats {here}/repeats lego --resolution 8 --spp 2 --count 2
 python -m scenes sheet {here}/sheet.png lego --resolution 16 --spp 2
 nox -s stability -- --cases E1 --quick --out {here}/stability {sets} → 3
-python -m harness study sweep --profile smoke --scenes lego {tiny} --out {here}/sweep.json {sets}
+python -m harness study sweep --profile smoke --scenes lego --methods nerf --seeds 1 {few} --out {here}/sweep.json {sets}
 python -m harness study equivalence --profile smoke --scenes lego {tiny} --out {here}/pairs.json {sets}
 python -m harness study omissions --profile smoke --scenes lego {tiny} --out {here}/left.json {sets} → 3
 
@@ -60,7 +60,7 @@ nox -s frontier -- {one} --methods nerf splats --budgets 0.3 --seeds 1 --resolut
 python -m harness frontier --pick lego --seconds 1 --out {here}/f
 nox -s speed -- --items 2 --quick --out {here}/speed {other_sets}
 nox -s conformance -- qnerf
-nox -s endurance -- --kills 3 --typed-kills 0 --seed 1 --no-damage --brief --scratch {here}/endurance
+nox -s endurance -- --kills 1 --typed-kills 0 --seed 1 --no-damage --brief --scratch {here}/endurance
 nox -s fuzz -- -n 0 --collect-only -q
 nox -s tests_thorough -- --collect-only -q tests/harness/studies/speed
 nox -s tests_oldest -- --collect-only -q tests/harness/plan

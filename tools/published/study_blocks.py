@@ -25,6 +25,10 @@ def evidence(record: Studies) -> str:
     return "\n\n".join(["\n".join(answers), hold, *pictures])
 
 
+def objections(record: Studies) -> str:
+    return "\n".join(f"* {answer}" for answer in _answers(record, "objections"))
+
+
 def collapse(record: Studies) -> str:
     return " ".join(_answers(record, "collapse"))
 
