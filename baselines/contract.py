@@ -15,10 +15,6 @@ from torch import Tensor, nn
 class Accelerations:
     """The accelerations. By default all are on, for every method that they can apply to."""
 
-    fused: bool = True
-    """Whether the field's forward and backward pass are written out by hand, in cache-sized blocks of points."""
-    recurrence: bool = True
-    """Whether bands of the encoding are computed from lower bands, where that is as accurate as a sine."""
     grid: bool = True
     """Whether an occupancy grid skips empty space (`GridSettings` has its settings)."""
     clipping: bool = True

@@ -12,16 +12,13 @@ from typing import Any, cast
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
-from torch.nn.functional import linear
+from torch.nn.functional import linear, pad
 
-from baselines import fused_network
 from baselines.amplifiers import AMPLIFIERS, Amplifier, MeanAmplifier
 from baselines.catalog import Method
 from baselines.composition import ACTIVATIONS, LADDERS, Parts, skip_layer
 from baselines.contract import (
     DTYPES,
-    EVERY_ACCELERATION,
-    Accelerations,
     Box,
     Densities,
     FieldSpec,
@@ -34,6 +31,11 @@ from baselines.contract import (
     glorot,
 )
 from baselines.numerics.encoding import encode, feature_count
+
+ROWS_MULTIPLE = 1024
+"""In reduced precision, the number of points is padded to a multiple of this: the processor's library builds and keeps
+a kernel for each new shape, which takes longer than the multiplication.
+"""
 
 
 class NetworkField(nn.Module):
@@ -54,14 +56,10 @@ class NetworkField(nn.Module):
         precision: Precision,
         seed: int | str,
         view_dependent: bool = True,
-        accelerations: Accelerations = EVERY_ACCELERATION,
     ) -> None:
         super().__init__()
         size = parts.size(size)
         self.activation = ACTIVATIONS[parts.activation]
-        # the fused pass rectifies activations in place
-        self.fused = accelerations.fused and parts.activation == "relu"
-        self.accelerations = accelerations
         self.box = box
         self.dtype = DTYPES[precision]
         ladder = LADDERS[parts.encoding]
@@ -126,31 +124,28 @@ class NetworkField(nn.Module):
 
     def _features(self, x: Tensor, bands: int) -> Tensor:
         """Return Fourier features of coordinates; in scene units without the π that `encode` multiplies by."""
-        return encode(x / math.pi if self.in_scene_units else x, self.base, bands, self.accelerations.recurrence)
+        return encode(x / math.pi if self.in_scene_units else x, self.base, bands)
 
     def _outputs(self, x: Tensor, view: Tensor | None, ray: Tensor | None) -> tuple[Tensor, Tensor | None]:
         """Return raw density [points] and, with a view, colour logits [points, 3], both float32 as the weights are."""
-        position = self._encoded(x)
-        if self.fused and (view is not None or not torch.is_grad_enabled()):
-            layout = fused_network.Layout(len(self.density_net), self.skip, self.dtype)
-            layers = [*_linears(self.density_net), self.density_head, *_linears(self.colour_net)]
-            weights = [weight for layer in layers for weight in (layer.weight, layer.bias)]
-            return fused_network.evaluate(layout, position, view, ray, weights)
-        return self._composed(position.to(self.dtype), view, ray)
-
-    def _composed(self, position: Tensor, view: Tensor | None, ray: Tensor | None) -> tuple[Tensor, Tensor | None]:
+        count, position = len(x), self._encoded(x).to(self.dtype)
+        if self.dtype.itemsize < 4 and x.device.type == "cpu":
+            missing = -count % ROWS_MULTIPLE
+            position = pad(position, (0, 0, 0, missing))
+            ray = None if ray is None else pad(ray, (0, missing))
         *_, (last, hidden) = self._hidden(position)
         skipped = position if last == self.skip else None
-        raw = self._split_linear(self.density_head, hidden, skipped)[:, 0].to(self.density_head.weight.dtype)
+        raw = self._split_linear(self.density_head, hidden, skipped)[:count, 0].to(self.density_head.weight.dtype)
         if view is None or ray is None:
             return raw, None
         first, *others = _linears(self.colour_net)
         for_view = self._weight(first)[:, first.in_features - view.shape[-1] :]
-        of_view = linear(view.to(self.dtype), for_view, first.bias.to(self.dtype))
+        # in full precision, as its gradient is a sum over the points of a ray
+        of_view = linear(view.to(self.dtype), for_view, first.bias.to(self.dtype)).to(raw.dtype)
         h = self._split_linear(first, hidden, skipped, with_bias=False) + of_view.index_select(0, ray)
         for layer in others:
-            h = linear(self.activation(h), self._weight(layer), layer.bias.to(self.dtype))
-        return raw, h.to(raw.dtype)
+            h = linear(self.activation(h).to(self.dtype), self._weight(layer), layer.bias.to(self.dtype))
+        return raw, h[:count].to(raw.dtype)
 
     def _hidden(self, position: Tensor) -> Iterator[tuple[int, Tensor]]:
         """Yield the outputs of the layers of the density network, [points, width] each."""
@@ -174,7 +169,7 @@ class NetworkField(nn.Module):
         return layer.weight.to(self.dtype)
 
 
-def field_of(method: Method, spec: FieldSpec, accelerations: Accelerations = EVERY_ACCELERATION) -> Any:
+def field_of(method: Method, spec: FieldSpec) -> Any:
     """Return a fresh field: a `NetworkField` of the parts in `spec`, or the module that the method makes itself, a
     `baselines.contract.TrainableField`. Raises `ValueError` for a method that has neither.
     """
@@ -182,7 +177,7 @@ def field_of(method: Method, spec: FieldSpec, accelerations: Accelerations = EVE
         return method.make_field(spec)
     if not isinstance(spec.own, Parts):
         raise ValueError(f"{method.title}: it is not made of parts; it has its own trainer")
-    return NetworkField(spec.own, spec.size, spec.box, spec.precision, spec.seed, spec.view_dependent, accelerations)
+    return NetworkField(spec.own, spec.size, spec.box, spec.precision, spec.seed, spec.view_dependent)
 
 
 @contextmanager

@@ -1,7 +1,6 @@
 """Learnt features of points and the network that maps them to density and colour (instant-ngp, arXiv 2201.05989)."""
 
 import math
-from collections.abc import Iterable
 from typing import cast
 
 import torch
@@ -9,13 +8,10 @@ from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn.functional import relu, softplus
 
-from baselines import fused_network
 from baselines.contract import (
-    DTYPES,
     Densities,
     FieldSpec,
     Points,
-    Precision,
     RayOf,
     Views,
     counts_by_component,
@@ -29,9 +25,8 @@ from baselines.numerics.encoding import encode, feature_count
 class Decoder(nn.Module):
     """Features → one hidden layer → density, and with the view direction another hidden layer → colour."""
 
-    def __init__(self, features: int, directions: int, width: int, precision: Precision, seed: int | str) -> None:
+    def __init__(self, features: int, directions: int, width: int, seed: int | str) -> None:
         super().__init__()
-        self.dtype = DTYPES[precision]
         self.density = nn.Linear(features, width)
         self.density_head = nn.Linear(width, 1)
         self.colour = nn.Linear(width + directions, width)
@@ -42,23 +37,11 @@ class Decoder(nn.Module):
         self, features: Float[Tensor, "points channels"], view: Views | None = None, ray: RayOf | None = None
     ) -> tuple[Float[Tensor, " points"], Float[Tensor, "points 3"] | None]:
         """Return raw density and, with a view, colour logits, both float32."""
-        if view is not None or not torch.is_grad_enabled():
-            weights = [weight for layer in self._layers() for weight in (layer.weight, layer.bias)]
-            return fused_network.evaluate(fused_network.Layout(1, 1, self.dtype), features, view, ray, weights)
-        return self.composed(features, None, None)
-
-    def composed(
-        self, features: Float[Tensor, "points channels"], view: Views | None, ray: RayOf | None
-    ) -> tuple[Float[Tensor, " points"], Float[Tensor, "points 3"] | None]:
-        """Compute the same in float32 from single operations."""
         hidden = relu(self.density(features))
         raw = self.density_head(hidden)[:, 0]
         if view is None or ray is None:
             return raw, None
         return raw, self.colour_head(relu(self.colour(torch.cat([hidden, view[ray]], dim=-1))))
-
-    def _layers(self) -> Iterable[nn.Linear]:
-        return cast("tuple[nn.Linear, ...]", (self.density, self.density_head, self.colour, self.colour_head))
 
 
 class FeatureField(nn.Module):
@@ -73,7 +56,7 @@ class FeatureField(nn.Module):
         self.shift = softplus_shift(self.own.start / self.own.density_scale)
         self.encoder = encoder
         directions = feature_count(3, self.own.direction_bands) if self.view_dependent else 0
-        self.decoder = Decoder(features, directions, self.own.width, spec.precision, spec.seed)
+        self.decoder = Decoder(features, directions, self.own.width, spec.seed)
 
     def parameter_counts(self) -> dict[str, int]:
         return counts_by_component(self)

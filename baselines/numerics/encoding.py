@@ -13,16 +13,8 @@ from torch import Tensor
 
 PHI = (1.0 + math.sqrt(5.0)) / 2.0
 
-MOST_RECURRENT_BANDS = {2.0: 20, PHI: 12}
-"""The maximum number of bands by recurrence per base: at φ^12 a sine is 3.3 times as accurate."""
-DOUBLINGS = 4
-"""The doublings between two sines of base 2: if all bands came from one sine, no digit would be right at 2^16."""
-
 REACH = 1.0001
 """The largest coordinate for which the errors stated here hold: rays are cut to the box, which rounds by 1e-6."""
-
-BLOCK = 1 << 14
-"""The points that the recurrences process at a time: at 65536 points this saves φ a quarter of its time."""
 
 
 def frequency_ladder(base: float, bands: int, dtype: torch.dtype | None = None) -> Float[Tensor, " bands"]:
@@ -72,24 +64,9 @@ def fourier_features(x: Float[Tensor, "*batch axes"], f: Float[Tensor, " bands"]
     return torch.cat([x, waves.flatten(-3)], dim=-1)
 
 
-def recurrence_is_accurate(base: float, bands: int) -> bool:
-    """Return whether no band's worst error at |x| <= 1 in float32 exceeds 2.5 times that of a direct sine.
-
-    Both grow like the frequency: sines round f π x, and the recurrences pass errors on to higher bands. At ten bands
-    the error is 1.1e-4 for base 2 (sine 1.1e-4) and 2.2e-5 for φ (sine 1.1e-5). Other bases have no recurrence.
-    """
-    return bands <= MOST_RECURRENT_BANDS.get(base, -1)
-
-
-def encode(
-    x: Float[Tensor, "points axes"], base: float, bands: int, recurrence: bool = True
-) -> Float[Tensor, "points features"]:
-    """Return `fourier_features(x, frequency_ladder(base, bands, x.dtype))` as a transposed view, in which the points of
-    a feature are adjacent in memory.
-
-    With `recurrence`, bands are computed from lower bands where `recurrence_is_accurate`; otherwise the result is
-    bit-identical to `fourier_features`. Most of the gain comes from the layout; the recurrence pays from about 4000
-    points on. The absolute error at |x| <= 1 is below 1.2e-4 at 2^9 and 2.5e-5 at φ^9.
+def encode(x: Float[Tensor, "points axes"], base: float, bands: int) -> Float[Tensor, "points features"]:
+    """Return `fourier_features(x, frequency_ladder(base, bands, x.dtype))`, bit-identical, as a transposed view, in
+    which the points of a feature are adjacent in memory: that is faster.
 
     Raises `TypeError` unless `x` is float32 or float64. Where `x` needs a gradient, this calls `fourier_features`.
     """
@@ -98,77 +75,18 @@ def encode(
     if x.requires_grad and torch.is_grad_enabled():
         return fourier_features(x, frequency_ladder(base, bands, x.dtype).to(x.device))
     points, axes = x.shape
-    angular = _angular_frequencies(base, bands, x.dtype, x.device)
     features = x.new_empty((feature_count(axes, bands), points))
     raw = features[:axes]
     # with a third dimension, as torch copies a tall matrix four times slower when it detects a transposition
     raw.unsqueeze(0).copy_(x.t().unsqueeze(0))
-    waves = features[axes:].view(bands, 2, axes, points)
-    if not (recurrence and recurrence_is_accurate(base, bands)):
-        _sines(waves, raw, angular)
-        return features.t()
-    recur = _golden_sums if base == PHI else _doublings
-    # in blocks the lower bands stay in a processor's cache; elsewhere more and smaller launches only cost time
-    size = BLOCK if x.device.type == "cpu" else points
-    if points <= size:
-        recur(waves, raw, angular)
-        return features.t()
-    for block, raw_block in zip(waves.split(size, -1), raw.split(size, -1), strict=True):
-        recur(block, raw_block, angular)
-    return features.t()
-
-
-def _sines(waves: Tensor, raw: Tensor, angular: Tensor) -> None:
-    """Write sines and cosines of angular [bands, 1, 1] times raw [axes, points] into waves [bands, 2, axes, points]."""
-    sine, cosine = waves.unbind(1)
-    torch.mul(angular, raw, out=cosine)
+    sine, cosine = features[axes:].view(bands, 2, axes, points).unbind(1)
+    torch.mul(_angular_frequencies(base, bands, x.dtype, x.device), raw, out=cosine)
     torch.sin(cosine, out=sine)
     cosine.cos_()
-
-
-def _golden_sums(waves: Tensor, raw: Tensor, angular: Tensor) -> None:
-    """Compute bands from φ^k = φ^(k−1) + φ^(k−2): with a, b the angles of the two bands below,
-
-    sin(a + b) = sin(a − b) + 2 cos a sin b and cos(a + b) = cos(a − b) − 2 sin a sin b, where a − b is band k − 3.
-    The addition formula itself takes twice the operations and costs more than sines, so it gives only band 2. That band
-    must not be a direct sine: with three angles rounded separately the error is 5 times as large at φ^9, and has no
-    bound far outside the box.
-    """
-    _sines(waves[:2], raw, angular[:2])
-    sine, cosine = (wave.unbind(0) for wave in waves.unbind(1))
-    if len(waves) > 2:
-        torch.mul(sine[1], cosine[0], out=sine[2]).addcmul_(cosine[1], sine[0])
-        torch.mul(cosine[1], cosine[0], out=cosine[2]).addcmul_(sine[1], sine[0], value=-1)
-    for k in range(3, len(waves)):
-        torch.addcmul(sine[k - 3], cosine[k - 1], sine[k - 2], value=2, out=sine[k])
-        torch.addcmul(cosine[k - 3], sine[k - 1], sine[k - 2], value=-2, out=cosine[k])
-
-
-def _doublings(waves: Tensor, raw: Tensor, angular: Tensor) -> None:
-    """Apply sin 2a = 2 sin a cos a, cos 2a = 1 − 2 sin² a, starting from a direct sine at each fifth band, all fifth
-    bands at once.
-
-    cos 2a = 2 cos² a − 1 would multiply the error by 4 in every doubling near a = 0, where every upper band starts.
-    """
-    stride = 1 + DOUBLINGS
-    nought, unity = _constants(raw.dtype, raw.device)
-    lower = waves[::stride]
-    _sines(lower, raw, angular[::stride])
-    for k in range(1, min(stride, len(waves))):
-        upper = waves[k::stride]
-        sine, cosine = lower[: len(upper)].unbind(1)
-        upper_sine, upper_cosine = upper.unbind(1)
-        torch.addcmul(nought, sine, cosine, value=2, out=upper_sine)
-        torch.addcmul(unity, sine, sine, value=-2, out=upper_cosine)
-        lower = upper
+    return features.t()
 
 
 @lru_cache(maxsize=64)
 def _angular_frequencies(base: float, bands: int, dtype: torch.dtype, device: torch.device) -> Tensor:
     """Return f π, [bands, 1, 1], rounded as in `fourier_features`; cached, as it costs as much as 500 points."""
     return (math.pi * frequency_ladder(base, bands, dtype)).to(device).view(bands, 1, 1)
-
-
-@lru_cache(maxsize=16)
-def _constants(dtype: torch.dtype, device: torch.device) -> tuple[Tensor, Tensor]:
-    return torch.zeros((), dtype=dtype, device=device), torch.ones((), dtype=dtype, device=device)

@@ -36,7 +36,7 @@ PLAN_OPTIONS: Options = {
     "--optimiser": option(
         "optimiser of all methods, with its own rates (default: the profile's)", choices=("adam", "soap", "muon")
     ),
-    "--without": option("accelerations to switch off: fused recurrence grid clipping …", "NAME", nargs="+"),
+    "--without": option("accelerations to switch off: grid clipping early_stop …", "NAME", nargs="+"),
     "--need": option("parts to keep even where not needed: view_direction outside_box …", "NAME", nargs="+"),
     "--no-need": option("parts to leave out even where needed", "NAME", nargs="+"),
     "--view-set": option(

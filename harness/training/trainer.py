@@ -152,7 +152,7 @@ class Trainer(BudgetedTrainer):
         def field(name: str) -> Any:
             seed = f"{self.seed}/{name}"
             spec = FieldSpec(settings.network, self.box, settings.precision, seed, self.view_dependent, self.own)
-            return field_of(method, spec, settings.accelerations).to(self.device)
+            return field_of(method, spec).to(self.device)
 
         self.coarse = field("coarse")
         self.fine = field("fine") if settings.fine_bins else None

@@ -110,7 +110,7 @@ def test_the_compiled_field_learns_what_the_composed_one_learns() -> None:
     for field, compiled in zip(fields, (True, False), strict=True):
         at = x if compiled else x.clone().requires_grad_()  # points with a gradient go through torch
         encoding, view = field.encoder(at), field.encode_directions(d)
-        raw, logits = (field.decoder if compiled else field.decoder.composed)(encoding, view, ray)
+        raw, logits = field.decoder(encoding, view, ray)
         (raw.square().sum() + logits.square().sum()).backward()
         gradients.append({name: weight.grad for name, weight in field.named_parameters()})
     for name, gradient in gradients[0].items():

@@ -133,13 +133,11 @@ def colour_gap(learner: Trainer, field: PlainField, batch: Batch | None = None) 
     return float((learner.render(rays, RAYS).colour - expected).abs().max())
 
 
-@pytest.mark.parametrize("fused", [True, False])
 @pytest.mark.parametrize("view_dependent", [True, False])
-def test_trainer_agrees_with_the_plain_step(view_dependent: bool, fused: bool) -> None:
-    settings = replace(SETTINGS, accelerations=replace(DENSE, fused=fused))
-    learner = trainer(settings, view_dependent)
+def test_trainer_agrees_with_the_plain_step(view_dependent: bool) -> None:
+    learner = trainer(SETTINGS, view_dependent)
     assert colour_gap(learner, oracle(learner, view_dependent)) < COLOUR_BOUND
-    loss, gradient = loss_gap(view_dependent, settings)
+    loss, gradient = loss_gap(view_dependent)
     assert loss < LOSS_BOUND
     assert gradient < GRADIENT_BOUND
 

@@ -23,7 +23,7 @@ PATHS = ("run", "ball", "new", "new/deep", "run/records/run.json", "nothing ther
          "x" * 300, "ball/../run", "é\n", "ball/train/r_0.png", "run/", "~", "new.png", "new.json")  # fmt: skip
 GOOD = {
     "--profile": ("smoke", "reduced"), "--scenes": ("hotdog", "lego", "ball"), "--scene": ("ball",),
-    "--methods": ("nerf", "qnerf"), "--without": ("fused", "grid"), "--need": ("view_direction",), "--cases": ("Q1",),
+    "--methods": ("nerf", "qnerf"), "--without": ("hull", "grid"), "--need": ("view_direction",), "--cases": ("Q1",),
     "--studies": ("calibration",), "--only": ("images", "training.lego"), "--host": ("127.0.0.1", "::1", "1.2.3.4"),
     "--variant": ("scalar_rgb", "auto"), "methods": ("nerf", "qnerf"), "names": ("lego", "hotdog"), "name": ("lego",),
 }  # fmt: skip

@@ -50,16 +50,12 @@ def encodings(context: SpeedContext) -> Iterator[Check]:
         ladder = frequency_ladder(base, bands).to(x.device)
         sides = {
             "direct": partial(fourier_features, x, ladder),
-            "sines": partial(encode, x, base, bands, recurrence=False),
-            "recurrence": partial(encode, x, base, bands, recurrence=True),
+            "adjacent": partial(encode, x, base, bands),
         }
         seconds = interleaved(sides, context.repeats(9), context.synchronise, 0.01 if context.quick else 0.1)
         id, what = f"encoding.{name}.{bands}", f"{symbol}, L = {bands}"
-        low = 3.0 if (name, bands) == ("phi", 10) and context.device.type == "cpu" else None
-        title = f"Encoding {what}, recurrence against direct sines and cosines"
-        yield ratio(id, title, seconds["direct"], seconds["recurrence"], detail, low)
-        title = f"Encoding {what}, `encode` without recurrence against direct"
-        yield ratio(f"{id}.sines", title, seconds["direct"], seconds["sines"], detail)
+        title = f"Encoding {what}, points of a feature adjacent against Listing 1's order"
+        yield ratio(id, title, seconds["direct"], seconds["adjacent"], detail)
 
 
 Rule = Callable[[Tensor, Tensor, Tensor], tuple[Tensor, Tensor]]

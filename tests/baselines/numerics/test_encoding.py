@@ -16,7 +16,6 @@ from baselines.numerics.encoding import (
     fourier_features,
     frequency_ladder,
     matched_bands,
-    recurrence_is_accurate,
 )
 from harness.studies.stability.rays.encoding_cases import true_waves
 
@@ -103,10 +102,6 @@ SINE_ERROR = {
     PHI: [2.2e-7, 3.5e-7, 5.4e-7, 9.0e-7, 1.5e-6, 3.0e-6, 2.4e-6, 7.3e-6, 8.0e-6, 1.15e-5, 1.85e-5, 5.7e-5],
 }
 """Worst error of a float32 sine or cosine of f_k π x at |x| <= 1: that of half of all floats in 0.25 … 1, and 3 %."""
-RECURRENCE_ERROR = {
-    2.0: [2.2e-7, 4.9e-7, 1.1e-6, 2.5e-6, 5.8e-6, *SINE_ERROR[2.0][5:]],
-    PHI: [2.2e-7, 3.5e-7, 5.8e-7, 1.0e-6, 1.85e-6, 2.9e-6, 5.3e-6, 7.9e-6, 1.35e-5, 2.3e-5, 4.4e-5, 8.0e-5],
-}
 WORST_POINTS = [0.9594049, 0.70799679, 0.82964283, 0.67696291, 0.71384221, 0.99998653, 0.99195886]  # of base 2
 WORST_POINTS += [0.97729111, 0.78944975, 0.84408224, 0.88934112, 0.86091918, 0.9966597, 0.829184, 0.97599095]  # φ
 WORST_POINTS += [0.84506017, 0.92030418, 0.96976089]
@@ -159,21 +154,11 @@ def test_reference_is_mpmath(base: float) -> None:
 
 
 @BASES
-@pytest.mark.parametrize("recurrence", [True, False])
-def test_error_of_every_band_is_within_its_bound(base: float, recurrence: bool) -> None:
-    x, bands = hard_points(), MOST_BANDS[base]
-    errors = error_by_band(encode(x, base, bands, recurrence), x, base, bands)
-    bounds = (RECURRENCE_ERROR if recurrence else SINE_ERROR)[base]
+def test_error_of_every_band_is_within_its_bound(base: float) -> None:
+    x, bands, bounds = hard_points(), MOST_BANDS[base], SINE_ERROR[base]
+    errors = error_by_band(encode(x, base, bands), x, base, bands)
     assert not exceeding(errors, bounds)
     assert errors[-1] >= bounds[-1] / 3, "the bounds no longer describe what float32 does"
-
-
-@BASES
-@pytest.mark.parametrize("bands", [*range(1, 13), 14, 19])
-def test_bounds_hold_whatever_the_number_of_bands(base: float, bands: int) -> None:
-    bands = min(bands, MOST_BANDS[base])
-    x = hard_points()[::3]
-    assert not exceeding(error_by_band(encode(x, base, bands), x, base, bands), RECURRENCE_ERROR[base][:bands])
 
 
 @BASES
@@ -189,7 +174,7 @@ def test_float64_keeps_float64(base: float) -> None:
 @BASES
 def test_up_to_four_times_outside_the_box_the_error_grows_by_four(base: float) -> None:
     x, bands = 4.0 * hard_points(), 10
-    bounds = [5 * bound for bound in RECURRENCE_ERROR[base][:bands]]
+    bounds = [5 * bound for bound in SINE_ERROR[base][:bands]]
     assert not exceeding(error_by_band(encode(x, base, bands), x, base, bands), bounds)
 
 
@@ -212,40 +197,21 @@ def test_what_is_not_finite_stays_visible(base: float) -> None:
 @pytest.mark.parametrize("base", [2.0, PHI, 1.65])
 @pytest.mark.parametrize("points", [0, 1, 2, 17, 1023, 20001])
 @pytest.mark.parametrize(("axes", "bands"), [(3, 0), (3, 1), (1, 2), (2, 7), (3, 10)])
-def test_without_recurrence_every_bit_is_that_of_the_oracle(
-    dtype: torch.dtype, base: float, points: int, axes: int, bands: int
-) -> None:
+def test_every_bit_is_that_of_the_oracle(dtype: torch.dtype, base: float, points: int, axes: int, bands: int) -> None:
     x = random_points(points, axes, dtype)
     oracle = fourier_features(x, frequency_ladder(base, bands, dtype))
-    ours = encode(x, base, bands, recurrence=False)
+    ours = encode(x, base, bands)
     assert ours.shape == oracle.shape
     assert torch.equal(ours, oracle)
 
 
-@pytest.mark.parametrize(("base", "bands"), [(1.65, 10), (1.6180, 10), (3.0, 4), (PHI, 13), (PHI, 20), (2.0, 21)])
-def test_where_the_recurrence_is_not_accurate_it_is_not_used(base: float, bands: int) -> None:
-    x = random_points(1000)
-    assert not recurrence_is_accurate(base, bands)
-    assert torch.equal(encode(x, base, bands), fourier_features(x, frequency_ladder(base, bands)))
-
-
-@pytest.mark.parametrize(("base", "first"), [(2.0, 1), (PHI, 2)], ids=["2", "phi"])
-def test_where_it_is_accurate_it_is_used(base: float, first: int) -> None:
-    x = random_points(1000)
-    for bands in range(MOST_BANDS[base] + 1):
-        assert recurrence_is_accurate(base, bands)
-        same = torch.equal(encode(x, base, bands), fourier_features(x, frequency_ladder(base, bands)))
-        assert same == (bands <= first)
-
-
 @BASES
-@pytest.mark.parametrize("recurrence", [True, False])
-def test_a_point_has_its_features_whoever_its_neighbours_are(base: float, recurrence: bool) -> None:
+def test_a_point_has_its_features_whoever_its_neighbours_are(base: float) -> None:
     x = random_points(20001)
-    whole = encode(x, base, 10, recurrence)
-    assert torch.equal(whole, encode(x, base, 10, recurrence))
+    whole = encode(x, base, 10)
+    assert torch.equal(whole, encode(x, base, 10))
     for part in (slice(0, 1), slice(3, 1000), slice(17, 4113), slice(16000, 20001)):
-        assert torch.equal(encode(x[part], base, 10, recurrence), whole[part])
+        assert torch.equal(encode(x[part], base, 10), whole[part])
 
 
 @BASES
@@ -269,12 +235,11 @@ def test_points_need_not_be_contiguous(base: float) -> None:
 
 
 @BASES
-@pytest.mark.parametrize("recurrence", [True, False])
-def test_gradient_where_one_is_wanted_is_that_of_the_oracle(base: float, recurrence: bool) -> None:
+def test_gradient_where_one_is_wanted_is_that_of_the_oracle(base: float) -> None:
     x = random_points(4, dtype=torch.float64).requires_grad_()
-    assert torch.autograd.gradcheck(lambda x: encode(x, base, 4, recurrence), (x,))
+    assert torch.autograd.gradcheck(lambda x: encode(x, base, 4), (x,))
     with torch.no_grad():
-        assert not encode(x, base, 4, recurrence).requires_grad
+        assert not encode(x, base, 4).requires_grad
 
 
 @BASES

@@ -33,7 +33,7 @@ OTHER_SETTINGS: dict[str, dict[str, Any]] = {
     "fine pass, bfloat16": {"fine_bins": 8, "precision": "bfloat16"},
     "no grid": {"grid": GridSettings(cells=0)},
     "before the grid": {"grid": replace(TRAIN.grid, first_step=100)},
-    "without accelerations": {"accelerations": TRAIN.accelerations.without(("fused", "grid", "early_stop"))},
+    "without accelerations": {"accelerations": TRAIN.accelerations.without(("grid", "early_stop"))},
 }
 RUNS = [
     pytest.param(METHODS, {"steps": 24}, id="as usual"),
@@ -237,7 +237,7 @@ def test_a_method_that_is_no_more_is_refused(copy: FinishedRun, monkeypatch: pyt
         TrainSettings(),
         *SETTINGS.own.values(),
         *(method.settings for method in CATALOG.values() if method.settings),
-        replace(TRAIN, own={}, precision="bfloat16", accelerations=TRAIN.accelerations.without(("grid", "fused"))),
+        replace(TRAIN, own={}, precision="bfloat16", accelerations=TRAIN.accelerations.without(("grid", "hull"))),
         Budget(steps=None, seconds=1.5),
         Budget(steps=7, seconds=None, core_seconds=4.0),
         ScoreSettings(),

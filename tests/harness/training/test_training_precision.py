@@ -53,12 +53,7 @@ def test_weights_moments_encoding_amplifier_and_quadrature_are_float32(
     amplifier = learner.coarse.amplifier
     for name in ("before_and_after", "rendered"):
         monkeypatch.setattr(amplifier, name, watched("amplifier", getattr(amplifier, name)))
-    products = field.fused_network._prepared
-    monkeypatch.setattr(
-        field.fused_network,
-        "_prepared",
-        lambda *a: seen["products"].add((net := products(*a)).density[0].hidden.dtype) or net,
-    )
+    monkeypatch.setattr(field, "linear", watched("products", field.linear))
     train(learner, 3)
     learner.render(rays_and_colours()[0], 16)
     assert seen == {

@@ -38,7 +38,7 @@ VIEWS, PIXELS = 24, 32
 HALF_EXTENT = 1.5
 PAPER = TrainSettings(
     rays=32, bins=16, first_bins=16, fine_bins=0, last_learning_rate=5e-4, grid=GridSettings(cells=0),
-    accelerations=replace(NO_ACCELERATION, fused=True, recurrence=True, clipping=True, directions=True),
+    accelerations=replace(NO_ACCELERATION, clipping=True, directions=True),
 )  # fmt: skip
 SMALL = replace(
     PAPER, network=NetworkSize(6, 64, 2, 64, 6, 2), rays=48, bins=24, first_bins=24,

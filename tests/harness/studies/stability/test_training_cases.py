@@ -79,14 +79,6 @@ def test_a_twin_in_float64_differs_from_its_training_only_by_rounding(context: S
 # encodings
 
 
-def test_the_recurrence_of_phi_is_reported_as_less_exact_than_the_printed_sine(context: StabilityContext) -> None:
-    by_name = {check.subject: check for check in checks("E1", context)}
-    ours, printed = by_name["φ^k, L = 10"], by_name["φ^k, L = 10, as printed"]
-    assert (printed.limit or 0.0) < (ours.limit or 0.0)
-    assert f"{printed.value:.2g}" in ours.why
-    assert "sine" not in by_name["φ^k, L = 14"].why
-
-
 def test_the_kernel_has_its_lobes_where_lucas_numbers_put_them() -> None:
     """The figures are those of an independent computation."""
 
