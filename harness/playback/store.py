@@ -125,8 +125,8 @@ class ViewStore:
             if held <= (1.0 - 2.0 * STEP) * self._bound:
                 break
             with suppress(OSError):
-                file.unlink()
-            held -= size
+                file.unlink(missing_ok=True)
+                held -= size
 
 
 def _checksum(key: str, pixels: bytes) -> bytes:
