@@ -1,6 +1,5 @@
 """Operations of a network: counted from its shapes, by hand, and by what torch really does."""
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -8,7 +7,7 @@ import torch
 from torch.utils.flop_counter import FlopCounterMode
 
 from baselines.catalog import CATALOG
-from baselines.contract import EVERY_ACCELERATION, FieldSpec, NetworkSize
+from baselines.contract import FieldSpec, NetworkSize
 from baselines.field import NetworkField
 from harness.studies.speed.throughput import step_flops
 from harness.training.cell_training import flops_per_evaluation
@@ -22,7 +21,7 @@ def really_done(method: str, size: NetworkSize) -> int:
     """Return the operations per point that torch counts in a forward pass of single operations, one ray per point."""
     parts = CATALOG[method].parts
     assert parts is not None
-    field = NetworkField(parts, size, BOX, "float32", 0, accelerations=replace(EVERY_ACCELERATION, fused=False))
+    field = NetworkField(parts, size, BOX, "float32", 0)
     x, _, _ = some_points(POINTS)
     d = torch.nn.functional.normalize(x, dim=-1)
     with torch.no_grad(), FlopCounterMode(display=False) as counter:

@@ -40,7 +40,6 @@ def test_a_training_that_repairs_the_folder_keeps_the_scratch_folder(
     record = read_studies(tmp_path / "out/stability.json")
     assert record.settings["methods"] == list(METHODS)
     assert "was made with other options" in refused(capsys, *options[1:], "--resume", "--methods", "nerf")
-    (tmp_path / "out/stability.json").unlink()  # as if it was killed before the record was written again
-    (tmp_path / "out/stability").mkdir()
+    (tmp_path / "out/stability.json").write_text("{", encoding="utf-8")  # damaged, and moved away
     assert main([*options, "--resume"]) == 0
     assert read_studies(tmp_path / "out/stability.json").studies[0].checks == record.studies[0].checks
