@@ -51,6 +51,7 @@ BLOCKS: dict[str, tuple[tuple[str, ...], Callable[..., str]]] = {
     "families": (("frontier/families.json",), study_blocks.families),
     "leaders": (("frontier/frontier.json",), study_blocks.leaders),
     "stability": (("stability.json",), study_blocks.stability),
+    "fresh fields": (("fresh_fields.json",), study_blocks.fresh_fields),
     "speed": (("speed.json",), study_blocks.speed),
     "serving": (("reduced/serving.json",), study_blocks.serving),
     "left out": (("left_out.json",), study_blocks.left_out),

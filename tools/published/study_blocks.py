@@ -12,6 +12,8 @@ from reports.data.wording import counted, interval, listed, number, signed, sign
 from tools.published.published_cells import Run
 from tools.published.run_blocks import table, target
 
+OPAQUE = 0.995
+SIZES = (100, 400, 800)
 FRONTIER_PICTURE = "![Error against core seconds of training](frontier/frontier.png)"
 
 
@@ -120,6 +122,26 @@ def serving(record: Studies) -> str:
         f"return another picture in {number(key.value, 0)} of {key.repeats} kinds of change. Until 10 % of the coarse "
         f"frame's error is left in the whole picture: {listed(times)} (medians)."
     )
+
+
+def fresh_fields(record: Studies) -> str:
+    """Tabulate the cases A4 and A6: what a bounded density can show, and which readings learn at all without help."""
+    slab, fresh = (study for study in record.studies if study.info.id in ("A4", "A6"))
+    # the sizes are steps of a ladder, and rounded where they are compared
+    places = {size: place for place, x in enumerate(slab.series[0].x) if (size := round(x)) in SIZES}
+    rows = [
+        [f"`{line.name}`", *(number(line.y[place] or 0.0) for place in places.values())]
+        for line in slab.series
+        if (line.y[max(places.values())] or 0.0) < OPAQUE
+    ]
+    head = ["opacity at the largest density", *(f"{size} px" for size in places)]
+    (grid,) = fresh.tables
+    ends = []
+    for reading, *values in grid.rows:
+        error, largest, norm, _, white = (float(value or 0.0) for value in values)
+        ends.append([str(reading), number(error), number(largest, 1), number(norm), number(100.0 * white, 0)])
+    columns = ("reading", "error / the background's", "largest density", "gradient's norm", "white points, %")
+    return f"{table(head, rows)}\n\nOther readings reach 1.\n\n{table(columns, ends)}"
 
 
 def left_out(effects: Run) -> str:
