@@ -32,7 +32,7 @@ def in_the_foreground() -> None:
 def test_an_interrupted_run_says_how_to_go_on(ball_folder: Path, tmp_path: Path) -> None:
     run = tmp_path / "run"
     # many cells, as a signal on a busy machine may come late
-    call = command(*TINY, "--seeds", "10", "--workers", "1", "--view-set", ball_folder, "--out", run)
+    call = command(*TINY, "--seeds", "10", "--view-set", ball_folder, "--out", run)
     process = subprocess.Popen(
         call, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, preexec_fn=in_the_foreground
     )
