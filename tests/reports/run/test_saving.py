@@ -150,12 +150,12 @@ def test_it_names_the_cell_and_keeps_what_the_cell_depends_on(records: Records) 
     origin = {"threads": 2, "device": "NVIDIA H100", "commit": "0123", "packages": {"torch": "2.0", "scipy": "1"}}
     command = made(
         records,
-        "python -m harness run --profile smoke --no-serving --resume --out 'a b' --resolution 32 --without grid fused",
+        "python -m harness run --profile smoke --no-serving --resume --out 'a b' --resolution 32 --without grid hull",
         provenance=origin,
         settings={"train": {"precision": "bfloat16"}},
     )
     assert command == (
-        "python -m harness run --profile smoke --resolution 32 --without grid fused --scenes drums --methods qnerf "
+        "python -m harness run --profile smoke --resolution 32 --without grid hull --scenes drums --methods qnerf "
         "--seeds 1 --first-seed 2 --device cuda --threads 2 --precision bfloat16"
     )
     assert conditions(replace(records.cells[-1], provenance=origin)) == "commit 0123, torch 2.0"
