@@ -1,4 +1,4 @@
-"""The blocks of numbers of runs; `published.py` writes them into the pages."""
+"""The blocks of numbers of runs; `python -m tools.published` writes them into the pages."""
 
 from collections import Counter
 from collections.abc import Iterable

@@ -1,4 +1,4 @@
-"""The blocks of numbers of studies and measurements; `published.py` writes them into the pages."""
+"""The blocks of numbers of studies and measurements; `python -m tools.published` writes them into the pages."""
 
 from collections import Counter
 from statistics import fmean
