@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, TextIO
 if __name__ == "__main__":  # before anything is imported that a folder of the user may replace
     run_path(str(Path(__file__).parents[1] / "harness" / "__main__.py"))["require_ours"]()
 
-from scenes.files.errors import DamagedRecord, printable
+from scenes.files.atomic import require_suffix
+from scenes.files.errors import DamagedRecord, InputError, printable
 from scenes.files.installed import packages_needed
 from scenes.files.standard_output import go_on_unheard
 from scenes.files.stopping import stop_on_signals
@@ -89,12 +90,18 @@ def main(arguments: list[str] | None = None, program: str = "python -m reports")
 
     show = (lambda line: None) if options.quiet else _say
     try:
+        for option, file, suffix in (("--page", options.page, ".html"), ("--export", options.export, ".zip")):
+            if file is not None:
+                require_suffix(file, suffix, option)
         if several:
             return build_outputs(options.out, options.page or out / "outputs.html", options.partial, show)
         return build(out, options.publish, options.partial, show, options.export)
     except KeyboardInterrupt:
         print("interrupted: every page that was written is complete; run the command again", file=sys.stderr)
         return STOPPED
+    except InputError as refusal:
+        _say(refusal, sys.stderr)
+        return BAD_INPUT
     except (NoRecords, DamagedRecord, NotForPublishing) as problem:
         words = str(problem)  # names no file if the damage shows only when the page is laid out
         _say(words if any(str(folder) in words for folder in options.out) else f"{out}: {words}", sys.stderr)
@@ -143,6 +150,8 @@ def build(out: Path, publish: Path | None, partly: bool, show: Show, export: Pat
         )
     holds_run = (out / "records/run.json").is_file() and any((out / "records/cells").glob("*.json"))
     records = read_records(out, partly) if holds_run or not studies else None
+    if export is not None and records is None:
+        raise NoRecords(f"{out}: --export writes the figures of a run, but there is no run; leave it out")
     left_out = damaged or []
     if partly and records is not None:
         records.left_out.extend([*damaged_pictures(records), *left_out])
@@ -161,8 +170,6 @@ def build(out: Path, publish: Path | None, partly: bool, show: Show, export: Pat
 
             write_export(records, export, shelves)
             _say(export)
-    elif export is not None:
-        raise NoRecords(f"{out}: --export writes the figures of a run, but there is no run; leave it out")
     return SOME_FAILED if any(failed) else 0
 
 

@@ -43,8 +43,10 @@ def main(arguments: list[str] | None = None) -> int:
         elif options.command == "noise":
             _noise(options)
         else:
+            from scenes.files.atomic import require_suffix
             from scenes.rendering.checks import write_sheet
 
+            require_suffix(options.out, ".png", "sheet")
             write_sheet(options.out, options.names or None, options.resolution, options.spp, options.variant)
             print(options.out)
     except InputError as error:

@@ -18,10 +18,16 @@ REACH = 1.0001
 
 
 def frequency_ladder(base: float, bands: int, dtype: torch.dtype | None = None) -> Float[Tensor, " bands"]:
-    """Return f_k = base^k for k = 0 … bands − 1 (Eq. 2), rounded once from double precision."""
+    """Return f_k = base^k for k = 0 … bands − 1 (Eq. 2), rounded once from double precision. Raises `ValueError` for
+    fewer than 0 bands, and for more than `dtype` can hold.
+    """
     if bands < 0:
         raise ValueError(f"bands must be >= 0, is {bands}")
-    return torch.tensor([base**k for k in range(bands)], dtype=torch.float64).to(dtype or torch.get_default_dtype())
+    dtype = dtype or torch.get_default_dtype()
+    if bands > 1 and (bands - 1) * math.log(base) > math.log(torch.finfo(dtype).max):
+        most = 1 + int(math.log(torch.finfo(dtype).max, base))
+        raise ValueError(f"{bands} bands of base {base:g} exceed {dtype}; give at most {most}")
+    return torch.tensor([base**k for k in range(bands)], dtype=torch.float64).to(dtype)
 
 
 def matched_bands(base: float, bands: int) -> int:

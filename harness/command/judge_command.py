@@ -117,7 +117,10 @@ def run_score(options: argparse.Namespace, show: "Progress") -> int:
 def run_compare(options: argparse.Namespace, show: "Progress") -> int:
     from harness.records.json_record import write_json
     from harness.verdicts.judging.two_runs import as_json, lines_of, two_runs
+    from scenes.files.atomic import require_suffix
 
+    if options.json is not None:
+        require_suffix(options.json, ".json", "--json")
     runs = two_runs(options.first, options.second)
     sys.stdout.write("\n".join(lines_of(runs)) + "\n")
     if options.json is not None:

@@ -236,7 +236,7 @@ def run_splats(options: argparse.Namespace, show: "Progress") -> int:
     from baselines.splats.gaussians import Gaussians
     from baselines.splats.ply import ply_bytes
     from harness.playback.run_loader import FinishedRun
-    from scenes.files.atomic import write_atomically
+    from scenes.files.atomic import require_suffix, write_atomically
     from scenes.files.errors import InputError
 
     run = FinishedRun.of(options.run)
@@ -245,8 +245,7 @@ def run_splats(options: argparse.Namespace, show: "Progress") -> int:
     explicit = [name for name in of_run if name in CATALOG and isinstance(CATALOG[name].settings, GaussianSettings)]
     method = options.method or next(iter(explicit), "splats")
     file = options.to or options.run / f"{scene.name}-{method}-{options.seed}.ply"
-    if file.suffix.lower() != ".ply":
-        raise InputError(f"--to {file}: give a name that ends in .ply")
+    require_suffix(file, ".ply", "--to")
     learner = run.trained(scene, method, options.seed, torch.device("cpu")).learner
     if not isinstance(field := learner.field, Gaussians):
         raise InputError(f"--method {method}: has no Gaussians; train some with --methods splats")

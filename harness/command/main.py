@@ -87,6 +87,10 @@ def main(arguments: list[str], program: str = "python -m harness") -> int:
         print(f"error: {mistake}", file=sys.stderr)
         return 2
     except OSError as error:
+        if error.errno in (errno.EMFILE, errno.ENFILE):
+            show.close()
+            print("error: no more files may be opened; allow more (ulimit -n 1024), then --resume", file=sys.stderr)
+            return 2
         names = (errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR, errno.EISDIR, errno.EPERM, errno.EEXIST, errno.EIO)
         if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, *names):
             raise

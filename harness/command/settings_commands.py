@@ -175,9 +175,11 @@ def run_omissions(options: argparse.Namespace, show: "Progress") -> int:
 def _folders(options: argparse.Namespace, plan: "Plan", show: "Progress") -> dict[str, Path]:
     """Return the view sets of `plan`, rendered if missing; raises `InputError` if `--out` cannot be a file."""
     from harness.execution.ground_truth import view_set_folders
+    from scenes.files.atomic import require_suffix
     from scenes.files.errors import InputError
 
-    if not options.out.parent.is_dir() or options.out.is_dir():
+    require_suffix(options.out, ".json", "--out")
+    if not options.out.parent.is_dir():
         raise InputError(f"--out {options.out}: name a file in a folder that exists")
     return view_set_folders(plan, options.view_sets, show)
 

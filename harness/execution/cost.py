@@ -214,7 +214,7 @@ def measure_paces(plan: Plan, device: torch.device, threads: int) -> Paces:
             # a budget of one step is spent at the second step, when voxels have their final size
             train = replace(plan.train, own=plan.own_settings([method]))
             learner = learner_for(Job(method, box, train, Budget(1, None), "cost", device))
-            learner.warm_up(*_batch(plan, FEW, device))
+            learner.warm_up(*_batch(plan, FEW, learner))
             start = start or time.process_time()  # the preparation that each worker needs too
             began = time.perf_counter(), time.process_time()
             paces[method] = _pace(learner, plan, clock)
@@ -225,19 +225,22 @@ def measure_paces(plan: Plan, device: torch.device, threads: int) -> Paces:
     return Paces(paces, untried, start, _compared_seconds(plan.views.resolution, clock), max(1.0, delayed))
 
 
-def _batch(plan: Plan, count: int, device: torch.device) -> tuple[Rays, torch.Tensor]:
-    """Return rays through random pixels, of which the usual share misses the box, and random colours."""
+def _batch(plan: Plan, count: int, learner: Learner) -> tuple[Rays, torch.Tensor]:
+    """Return rays through random pixels, of which the usual share misses the box, and random colours; the rays of one
+    view for a learner of whole views.
+    """
     poses, width, generator = camera_to_world("train"), plan.views.resolution, generator_for("cost", count)
     focal = float(0.5 * width / np.tan(0.5 * FOV_X_RADIANS))
     cameras = Cameras.of(poses, width, width, focal, RADIUS - 2.0, RADIUS + 2.0)
     view, column, row = (torch.randint(size, (count,), generator=generator) for size in (len(cameras), width, width))
-    return cameras.rays(view, column, row).to(device), torch.rand(count, 3, generator=generator).to(device)
+    rays = cameras.rays(view[:1].expand(count) if learner.whole_views else view, column, row)
+    return rays.to(learner.device), torch.rand(count, 3, generator=generator).to(learner.device)
 
 
 def _pace(learner: Learner, plan: Plan, clock: Callable[[], float]) -> Pace:
     @cache
     def batch(count: int) -> tuple[Rays, torch.Tensor]:
-        return _batch(plan, count, learner.device)
+        return _batch(plan, count, learner)
 
     def step(count: int) -> None:
         learner.train_on(*batch(count))
@@ -247,6 +250,8 @@ def _pace(learner: Learner, plan: Plan, clock: Callable[[], float]) -> Pace:
         step(count)
 
     rays, chunk = plan.train.rays, plan.score.chunk
+    if learner.whole_views:
+        rays = chunk = plan.views.resolution**2
     first = later = seconds_of(step, rays, learner.device, clock)
     if isinstance(learner, Trainer) and plan.train.grid.cells:
         if learner.grid is not None:

@@ -34,6 +34,7 @@ from scenes.files.trial import how_it_ends
 
 GROUP = "radiance_verdict.methods"
 OURS = frozenset(CATALOG)
+TABLES: list[dict[str, Any]] = [CATALOG, LADDERS, AMPLIFIERS, SKIPS, ACTIVATIONS, LOSSES]
 LOAD = "from importlib.metadata import EntryPoint; EntryPoint(*arguments).load()"
 NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
 """The form of a method's name, which becomes a part of file names."""
@@ -124,12 +125,17 @@ def _take(name: str, points: list[EntryPoint]) -> None:
     # the parent of a worker has already tried the import
     if multiprocessing.parent_process() is None and (ended := how_it_ends(LOAD, point.name, point.value, GROUP)):
         raise InputError(f"{where}: importing it {ended}; repair the package, or leave its method out")
+    before = [dict(table) for table in TABLES]
     try:
         method = point.load()
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # including SystemExit
         raise InputError(f"{where} cannot be loaded: {one_line(error)}") from error
+    finally:
+        replaced = [name for table, was in zip(TABLES, before, strict=True) for name in _restored(table, was)]
+    if replaced:
+        raise InputError(f"{where}: importing it replaces {replaced[0]!r} of this program; offer another name")
     if wrong := _wrong_with(method):
         raise InputError(f"{where}: {wrong}")
     try:
@@ -141,6 +147,13 @@ def _take(name: str, points: list[EntryPoint]) -> None:
         table.update(own)
     CATALOG[name] = method
     _loaded[name] = origin
+
+
+def _restored(table: dict[str, Any], before: dict[str, Any]) -> list[str]:
+    """Put back the entries that were replaced in a table; return their names."""
+    changed = [name for name, entry in before.items() if table.get(name) is not entry]
+    table.update(before)
+    return changed
 
 
 def said_of(point: EntryPoint) -> str:

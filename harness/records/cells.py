@@ -2,9 +2,9 @@
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
-from msgspec import field
+from msgspec import Meta, field
 from msgspec.structs import asdict, replace
 
 from harness.records.claims import ClaimFile
@@ -116,6 +116,8 @@ class Comparisons(Record, frozen=True):
 
 SCHEMA = 1
 Status = Literal["done", "diverged", "error", "not_available"]
+Count = Annotated[int, Meta(ge=0, le=10**15)]
+Seconds = Annotated[float, Meta(ge=0.0, le=1e10)]
 
 
 class Scores(Record, frozen=True, kw_only=True):
@@ -137,10 +139,10 @@ class Scores(Record, frozen=True, kw_only=True):
 class Checkpoint(Scores, frozen=True):
     """One scoring of the fixed test set, by every metric."""
 
-    step: int
-    seconds: float
+    step: Count
+    seconds: Seconds
     """The training seconds of this method so far, without scoring, warm-up and I/O."""
-    network_evaluations: int
+    network_evaluations: Count
     """The number of points at which training has evaluated the network so far."""
     density: dict[str, list[int | float]] | None = None
     """Histograms of points in the scene's box: `edges` [bins + 1], and the shares of points by the density that enters
@@ -152,7 +154,7 @@ class Checkpoint(Scores, frozen=True):
     alpha: float | None = None
     """The amplifier's α and β (Listing 2) if the method has them."""
     beta: float | None = None
-    core_seconds: float | None = None
+    core_seconds: Seconds | None = None
     """The processor seconds of the same work, by all threads of the process (with a GPU only the host's); None in older
     records."""
     dead_units: dict[str, float] | None = None
@@ -203,8 +205,8 @@ class CellRecord(Record, frozen=True):
     status: Status
     reason: str | None
     """The reason of a status other than `done`; for `diverged` the step and the tensor."""
-    steps: int
-    train_seconds: float
+    steps: Count
+    train_seconds: Seconds
     scores: dict[str, float | None]
     """Means over the test views: psnr ssim flip delta_e rmse_linear depth_rmse opacity_iou psnr_train psnr_ceiling,
     and psnr_floor, the score of copying the nearest training view."""
@@ -234,7 +236,7 @@ class CellRecord(Record, frozen=True):
     """What a reader must know: empty collapse, billboard (train score far above test score), below the floor."""
     settings: JsonObject
     provenance: JsonObject
-    train_core_seconds: float | None = None
+    train_core_seconds: Seconds | None = None
     """The processor seconds of training, as `Checkpoint.core_seconds`."""
     pictures: str | None = None
     """The file of its saved renders (`harness.records.pictures`), relative to `OUT/records`; None without any."""

@@ -7,6 +7,7 @@ and every id is made unique, so that many figures can live in one page.
 import io
 import math
 import re
+import warnings
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -250,7 +251,8 @@ _PENS: dict[Kind, Callable[[Axes, Trace], object]] = {
 def svg(panel: Panel, name: str) -> Markup:
     """Return an `<svg>` followed by its numbers; `name`, of letters, digits and dashes, makes its ids unique."""
     buffer = io.StringIO()
-    with matplotlib.rc_context(STYLE):
+    with matplotlib.rc_context(STYLE), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing")  # text stays text: the reader's browser draws it
         drawn = draw(panel)
         drawn.savefig(buffer, format="svg", metadata={"Date": None})
     return Markup(inline_svg(buffer.getvalue(), name, panel.alt)) + as_element(panel, drawn.axes[0])

@@ -10,6 +10,20 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from scenes.files.errors import InputError
+
+
+def require_suffix(file: Path, suffix: str, option: str) -> None:
+    """Raise `InputError`, before long work, for a file that is not to be replaced: one of another format, a folder, or
+    a record of a run.
+    """
+    if file.suffix.lower() != suffix:
+        raise InputError(f"{option} {file}: give a name that ends in {suffix}")
+    if file.is_dir():
+        raise InputError(f"{option} {file}: is a folder; name a file")
+    if (file.parent / "run.json").exists():
+        raise InputError(f"{option} {file}: lies among the records of a run; name a file elsewhere")
+
 
 def write_atomically(path: Path, content: bytes | str, fsync: bool = True) -> None:
     """Write a file; without `fsync` a crash of the system may leave it empty. Raises `OSError`, naming the file."""

@@ -31,14 +31,15 @@ def rows_given(rows: Sequence[Mapping[str, object]]) -> Rows:
 
 
 def _read(file: Path, metric: str | None, label: str) -> Rows:
-    if file.suffix.lower() == ".json":
-        return read_json_rows(file, label)
     if file.suffix.lower() == ".parquet":
         return _from_parquet(file)
     try:
         text = file.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
-        raise InputError(f"{file}: is not a CSV file in UTF-8 ({error})") from error
+        raise InputError(f"{file}: is not text in UTF-8 ({error})") from error
+    # a pipe of the shell, `<(…)`, has no suffix
+    if file.suffix.lower() == ".json" or (file.is_fifo() and text.lstrip()[:1] in ("{", "[")):
+        return read_json_rows(file, text, label)
     return read_text(file, text, metric)
 
 
@@ -55,7 +56,7 @@ def _files(path: Path) -> list[Path]:
         if not (files := sorted(_results_below(path))):
             raise InputError(f"{path}: holds no .json file; give a table, or a folder of files of results")
         return files
-    if not path.is_file():
+    if not (path.is_file() or path.is_fifo()):
         raise InputError(f"{path}: no such file; give a table as CSV, Markdown, LaTeX, Parquet or JSON")
     if (size := path.stat().st_size) > LARGEST_FILE:
         raise InputError(f"{path}: has {size} bytes, more than the {LARGEST_FILE} that are read; leave columns out")

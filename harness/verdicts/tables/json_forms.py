@@ -2,17 +2,17 @@
 (`results.json`, `per_view.json`), nerfstudio's `ns-eval` and gsplat (`stats/val_step29999.json`).
 """
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
-from harness.records.json_record import load_json
 from harness.records.metric_table import METRICS
 from harness.verdicts.tables.rows import Rows, rows_of
 from scenes.files.errors import InputError
-from scenes.files.json_object import JsonObject
+from scenes.files.json_object import JsonObject, each_key_once
 
 FORMS = (
     "JSON must be a list of rows {scene, method, psnr, …}, {cells: such rows}, {method, scenes: {scene: {metric: "
@@ -22,15 +22,17 @@ STATISTICS = ("stats", "results", "eval", "test")
 """Folders between the folder of a scene and its file of results."""
 
 
-def read_json_rows(path: Path, label: str) -> Rows:
-    """Return the rows of a file; `label` names the method where the file and its folders do not. Raises `InputError`
-    for a file that holds no rows.
+def read_json_rows(path: Path, text: str, label: str) -> Rows:
+    """Return the rows of a file's text; `label` names the method where the file and its folders do not. Raises
+    `InputError` for a file that holds no rows.
     """
     try:
-        data = load_json(path)
-    except (OSError, ValueError) as error:
-        why = f"is not JSON ({error})" if isinstance(error, msgspec.DecodeError) else str(error)
-        raise InputError(f"{path}: {why}; write null for a missing result") from error
+        data = msgspec.json.decode(text)
+        json.loads(text, object_pairs_hook=each_key_once)
+    except RecursionError as error:
+        raise InputError(f"{path}: is nested too deeply") from error
+    except ValueError as error:
+        raise InputError(f"{path}: is not JSON ({error}); write null for a missing result") from error
     metrics = data.get("metrics") if isinstance(data, dict) else None
     declared = [each for each in metrics if isinstance(each, dict)] if isinstance(metrics, list) else []
     lower = frozenset(str(each.get("id")) for each in declared if each.get("ascending") is False)

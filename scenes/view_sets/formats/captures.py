@@ -92,13 +92,13 @@ def read_colmap(path: Path, sparse: Path) -> Source:
 
 
 @contextmanager
-def _undamaged(file: Path) -> Iterator[None]:
+def _undamaged(file: Path, part: str = "the file") -> Iterator[None]:
     try:
         yield
     except InputError:
         raise
     except (struct.error, ValueError, IndexError, OverflowError) as error:
-        raise InputError(f"{file}: is damaged or cut off ({short(error, 120)}); export the model again") from error
+        raise InputError(f"{file}: {part} is damaged or cut off; export the model again") from error
 
 
 def _pictures_of(path: Path) -> tuple[Path, list[str]]:
@@ -177,15 +177,20 @@ def _bytes(file: Path) -> bytes:
     return file.read_bytes()
 
 
-def _lines(file: Path) -> list[str]:
-    text = _bytes(file).decode("utf-8-sig")
-    return [line for line in map(str.strip, text.splitlines()) if line and not line.startswith("#")]
+def _lines(file: Path) -> Iterator[tuple[str, str]]:
+    """Yield the name for messages and the text of each line that is not a comment."""
+    for number, line in enumerate(_bytes(file).decode("utf-8-sig").splitlines(), 1):
+        if (text := line.strip()) and not text.startswith("#"):
+            yield f"line {number}, {shown(text)},", text
 
 
 def _cameras(file: Path) -> Iterator[tuple[int, Lens]]:
     if file.suffix == ".txt":
-        for number, model, width, height, *words in map(str.split, _lines(file)):
-            yield int(number), _lens(file, int(number), model, int(width), int(height), [float(word) for word in words])
+        for where, line in _lines(file):
+            with _undamaged(file, where):
+                number, model, width, height, *words = line.split()
+                lens = _lens(file, int(number), model, int(width), int(height), [float(word) for word in words])
+            yield int(number), lens
         return
     data = _bytes(file)
     (count,), at = struct.unpack_from("<Q", data), 8
@@ -213,13 +218,15 @@ def _lens(file: Path, number: int, model: str, width: int, height: int, numbers:
 def _images(file: Path) -> Iterator[_Posed]:
     if file.suffix == ".txt":
         follows_image = False
-        for line in _lines(file):
+        for where, line in _lines(file):
             # the points of an image, which may have none and no line
             if follows_image and _are_numbers(line.split()):
                 follows_image = False
                 continue
-            *words, name = line.split(maxsplit=9)
-            yield _pose(file, name, int(words[8]), [float(word) for word in words[1:8]])
+            with _undamaged(file, where):
+                *words, name = line.split(maxsplit=9)
+                posed = _pose(file, name, int(words[8]), [float(word) for word in words[1:8]])
+            yield posed
             follows_image = True
         return
     data = _bytes(file)
@@ -256,7 +263,10 @@ def _points(file: Path) -> np.ndarray:
     if not file.is_file():
         return np.zeros((0, 3))
     if file.suffix == ".txt":
-        points = [[float(word) for word in line.split()[1:4]] for line in _lines(file)]
+        points = []
+        for where, line in _lines(file):
+            with _undamaged(file, where):
+                points.append([float(word) for word in line.split()[1:4]])
     else:
         data, points = _bytes(file), []
         (count,), at = struct.unpack_from("<Q", data), 8

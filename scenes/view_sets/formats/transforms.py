@@ -12,7 +12,7 @@ import numpy as np
 from msgspec import Meta, Struct, ValidationError, convert, structs
 
 from scenes.files.errors import InputError
-from scenes.files.json_object import JsonObject
+from scenes.files.json_object import each_key_once
 from scenes.view_sets.formats.lens import MODELS, Lens, common_pinhole, read_through, resampling_note, seen_size
 from scenes.view_sets.images import header
 from scenes.view_sets.viewpoints import check_field_of_view, rigid
@@ -206,7 +206,7 @@ def read_json(file: Path) -> Any:
         if (size := file.stat().st_size) > LARGEST_FILE:
             raise InputError(f"{file}: {size} bytes; a view set's JSON has no more than {LARGEST_FILE}")
         text = file.read_text(encoding="utf-8-sig")
-        return json.loads(text, parse_constant=_refuse, object_pairs_hook=_each_key_once)
+        return json.loads(text, parse_constant=_refuse, object_pairs_hook=each_key_once)
     except InputError:
         raise
     except RecursionError as error:
@@ -219,15 +219,6 @@ def read_json(file: Path) -> Any:
 
 def _refuse(constant: str) -> float:
     raise ValueError(f"{constant} is not a number; give a finite one")
-
-
-def _each_key_once(pairs: list[tuple[str, Any]]) -> JsonObject:
-    content: JsonObject = {}
-    for key, value in pairs:
-        if key in content:
-            raise ValueError(f"{shown(key)} is given twice; keep one of them")
-        content[key] = value
-    return content
 
 
 def image_file(folder: Path, path: str, where: str) -> Path:

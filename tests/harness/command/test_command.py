@@ -30,16 +30,11 @@ from tests.harness.trained_runs import in_this_process, train_run
         ("--methods nerf gnerf", "unknown 'gnerf'; known: nerf nerf_matched qnerf"),
         ("--methods nerf nerf", "named twice"),
         ("--seeds 0", "--seeds 0: must lie between"),
-        ("--seeds 1000000", "--seeds 1000000"),
         ("--budget-steps 0", "--budget-steps 0"),
-        ("--budget-steps 99999999999", "--budget-steps 99999999999"),
         ("--budget-seconds -2", "--budget-seconds -2"),
         ("--budget-seconds nan", "--budget-seconds nan"),
-        ("--scenes lego lego", "lego named twice"),
-        ("--resolution 0", "--resolution 0"),
         ("--resolution 100000", "--resolution 100000"),
         ("--workers 0", "--workers 0"),
-        ("--workers 100000", "--workers 100000"),
         ("--scenes lego --view-set x", "exclude each other"),
         ("--dry-run --view-set nowhere", "--view-set nowhere: no such folder; a view set is a folder with transforms_"),
         ("--dry-run --view-set .", "--view-set .: not a view set; a view set is a folder with transforms_train.json"),
@@ -54,13 +49,9 @@ def test_bad_options_are_reported_in_one_line(
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("listing", ['{"camera_angle_x": 0.6}', '{"camera_angle_x": 0.6, "frames": []}', "{"])
-def test_what_a_view_set_lists_is_read_before_anything_is_planned(
-    listing: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    (tmp_path / "transforms.json").write_text(listing)
-    said = refused(capsys, "--dry-run", "--view-set", str(tmp_path))
-    assert f"--view-set {tmp_path}/transforms.json" in said
+def test_what_a_view_set_lists_is_read_in_a_dry_run(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    (tmp_path / "transforms.json").write_text('{"camera_angle_x": 0.6, "frames": []}')
+    assert f"--view-set {tmp_path}/transforms.json" in refused(capsys, "--dry-run", "--view-set", tmp_path)
 
 
 NO_OPTIONS = ("lego", "--colour red", "--seeds many", "--device tpu", "--executor cloud", "--with x")
@@ -131,25 +122,15 @@ def test_an_output_folder_that_cannot_be_is_refused(
 # other surfaces
 
 
-@pytest.mark.thorough
-@pytest.mark.slow
-def test_the_same_command_can_be_typed_again(
+def test_without_out_a_quiet_run_gets_a_fresh_folder_which_latest_names(
     ball_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("harness.execution.run.run_locally", in_this_process)
-    options = "run --profile smoke --resolution 24 --methods nerf --seeds 1 --budget-steps 2 --quiet --view-set"
-    folders = []
-    for _ in range(2):
-        assert main([*options.split(), str(ball_folder)]) == 0
-        folders.append((tmp_path / "out" / "latest").resolve())
-    assert folders[0] != folders[1]
-    assert all(folder.parent == tmp_path / "out" and folder.name.startswith("smoke-") for folder in folders)
-    assert [len(list(read_cells(folder))) for folder in folders] == [1, 1]
-    assert capsys.readouterr() == ("", ""), "--quiet"
-    nowhere = [*options.split(), str(tmp_path / "nowhere")]
-    assert main(nowhere) == 2
-    assert (tmp_path / "out" / "latest").resolve() == folders[1], "latest goes back to the last run that began"
+    monkeypatch.setattr("harness.execution.run.run", lambda *_: 0)
+    assert main(["run", *TINY, "--quiet", "--view-set", str(ball_folder)]) == 0
+    (folder,) = (tmp_path / "out").glob("smoke-*")
+    assert (tmp_path / "out" / "latest").resolve() == folder
+    assert capsys.readouterr() == ("", "")
 
 
 def test_a_diverged_cell_is_exit_code_3_and_stays_visible(

@@ -39,7 +39,6 @@ def run_bash(text: str) -> str:
         ("harness ''", ["run", "doctor", "study", "view"], ["--methods"]),
         ("harness do", ["doctor"], ["run"]),
         ("harness run --tens", ["--tensorboard"], ["--seeds"]),
-        ("harness run --profile re", ["reduced"], ["smoke"]),
         ("harness run --scenes l", ["lego"], ["hotdog"]),
         ("harness run --methods nerf qnerf_t", ["qnerf_theorem"], ["nerf"]),
         ("harness run --device c", ["cpu", "cuda"], ["auto"]),
@@ -63,11 +62,3 @@ def test_every_shell_gets_a_script_with_every_command(shell: str, capsys: pytest
     text = capsys.readouterr().out
     for command in COMMANDS:
         assert command in text
-
-
-def test_the_parser_is_not_changed() -> None:
-    given = parser()
-    script("bash", given)
-    assert given.prog == "python -m harness"
-    # choices would refuse a method before its package is looked for
-    assert given.parse_args(["run", "--methods", "no_such"]).methods == ["no_such"]

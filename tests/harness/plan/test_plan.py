@@ -3,6 +3,8 @@
 import json
 import shutil
 from dataclasses import fields
+from functools import reduce
+from operator import getitem
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +19,10 @@ from harness.plan.names import scene_name_of
 from harness.plan.planned_record import deviations, not_tested
 from harness.plan.profiles import PROFILES
 from harness.plan.run_plan import Machine, Plan
-from harness.plan.schedule import Budget
 from harness.training.learner import Job
 from harness.training.make_learner import learner_for
+from harness.verdicts.claim_files import known_claims
 from scenes.catalog.entries import CATALOG as SCENES
-from scenes.catalog.entries import CLASSICS
 from scenes.files.errors import InputError
 from tests.harness import tiny
 from tests.replacing import replace
@@ -42,12 +43,6 @@ def test_a_profile_can_be_run(name: str) -> None:
     assert plan.train.grid.cells == 0 or plan.train.grid.first_step < plan.budget.steps
 
 
-def test_the_default_profile_compares_on_all_eight_scenes_with_three_seeds() -> None:
-    plan = planned("reduced")
-    assert plan.scenes == tuple(CLASSICS)
-    assert (len(plan.scenes), len(plan.seeds), len(plan.cells())) == (8, 3, 96 + 3 * 3)
-
-
 def test_further_methods_explain_one_scene_and_go_where_methods_are_named() -> None:
     plan = planned("reduced")
     assert plan.groups()["lego", 1] == (*plan.methods, *plan.extras[0].methods)
@@ -58,14 +53,14 @@ def test_further_methods_explain_one_scene_and_go_where_methods_are_named() -> N
     assert {one.seeds for one in planned("reduced", seeds=1).extras} == {(0,)}
 
 
-def test_the_full_profile_is_the_papers_setting() -> None:
-    plan = planned("full")
-    assert plan.budget == Budget(steps=200_000, seconds=None)
-    assert (plan.views.resolution, plan.views.train, plan.views.test) == (800, 100, 200)
-    assert (plan.train.network.depth, plan.train.network.width) == (8, 256)
-    assert (plan.train.network.position_bands, plan.train.network.direction_bands) == (10, 4)
-    assert (plan.train.rays, plan.train.bins, plan.train.fine_bins) == (1024, 64, 128)
-    assert (plan.train.learning_rate, plan.train.precision) == (5e-4, "float32")
+def test_the_full_profile_has_every_setting_that_the_paper_states() -> None:
+    settings = planned("full").settings()
+    (paper,) = known_claims()
+    stated = {entry.of["at"]: entry.printed for entry in paper.claims if entry.of.get("at")}
+    scale = {"budget.steps": paper.scale.steps, "views.resolution": paper.scale.width, **paper.scale.settings}
+    scale |= {f"views.{split}": count for split, count in paper.scale.views.items()}
+    for place, value in [*stated.items(), *scale.items()]:
+        assert reduce(getitem, place.split("."), settings) == value, place
 
 
 def test_cells_come_seed_by_seed_so_that_a_stopped_run_has_every_scene() -> None:

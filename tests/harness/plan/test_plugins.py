@@ -33,8 +33,11 @@ from tests.replacing import replace
 EXAMPLE = ROOT / "docs" / "examples" / "method_package"
 EXAMPLES = ("nerf_base3", "blobs", "voxel_grid")
 HEAD = (
-    "from dataclasses import replace\nfrom baselines.catalog import Method\nfrom baselines.methods.nerf import NERF\n"
+    "from dataclasses import replace\nfrom baselines.catalog import CATALOG, Method\n"
+    "from baselines.composition import LADDERS\nfrom baselines.methods.nerf import NERF\n"
 )
+METHOD = {"__init__.py": HEAD + "M = Method(NERF, 'x')"}
+"""The file of a package that offers nerf under another name."""
 
 
 def install(site: Path, package: str, points: dict[str, str], files: dict[str, str] | None = None) -> Path:
@@ -143,24 +146,21 @@ def test_the_documented_package_conforms(example: Path, method: str) -> None:
         ("raise SystemExit('bye')", "SystemExit: bye"),
         ("1 +", "SyntaxError"),
         ("raise ValueError('two\\nlines')", "ValueError: two lines"),
-        ("", "AttributeError"),
+        (HEAD + "CATALOG['nerf'] = None", "AttributeError"),
+        (HEAD + "CATALOG['nerf'] = M = Method(NERF, 'mine')", "importing it replaces 'nerf' of this program"),
+        (HEAD + "LADDERS['phi'] = 3\nM = Method(NERF, 'x')", "importing it replaces 'phi' of this program"),
         ("M = 'a string'", "gives a str, not a baselines.catalog.Method"),
         (HEAD + "M = Method(NERF, ' ')", "no title"),
         (HEAD + "M = Method(None, 'x')", "parts as its settings, make_field"),
-        (HEAD + "M = Method(NERF, 'x', make_field=int)", "parts as its settings, make_field"),
         (HEAD + "M = Method(3, 'x')", "its settings are of type int, not a frozen dataclass"),
         (
             HEAD + "M = Method(NERF, 'x')\nobject.__setattr__(M, 'trainer', 3)",
             "its trainer is of type int, not a callable",
         ),
-        (HEAD + "M = Method(Method, 'x')", "its settings are of type type, not a frozen dataclass"),
         (HEAD + "M = Method(replace(NERF, start=float('inf')), 'x')", "its settings are not JSON"),
         (HEAD + "M = Method(NERF, 'x', deviations=('It has {voxels}.',))", "KeyError: 'voxels'"),
         (HEAD + "M = Method(NERF, 'x', 'a:b')", "parts as its settings, make_field, or a trainer"),
         (HEAD + "M = Method(replace(NERF, encoding='base9'), 'x')", "encoding 'base9' is unknown; known: base2"),
-        (HEAD + "M = Method(replace(NERF, amplifier='loud'), 'x')", "amplifier 'loud' is unknown"),
-        (HEAD + "M = Method(replace(NERF, skip='never'), 'x')", "skip 'never' is unknown"),
-        (HEAD + "M = Method(replace(NERF, activation='sine'), 'x')", "activation 'sine' is unknown; known: relu"),
         (HEAD + "M = Method(replace(NERF, loss='cubed'), 'x')", "loss 'cubed' is unknown; known: squared"),
         (HEAD + "M = Method(replace(NERF, decay='sudden'), 'x')", "decay 'sudden' is unknown; known: exponential"),
         (HEAD + "M = Method(replace(NERF, learning_rate=0.0), 'x')", "its learning_rate 0.0 is not a positive number"),
@@ -197,27 +197,24 @@ def test_workers_take_the_settings_of_a_package_from_the_package(example: Path, 
     assert task.settings("blobs")["train"]["own"]["blobs"]["count"] == 64
 
 
-def test_a_name_of_ours_is_given_to_nobody(site: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    nerf = CATALOG["nerf"]
-    install(site, "usurper", {"nerf": "usurper:M"}, {"__init__.py": HEAD + "M = Method(NERF, 'x')"})
-    text = refused(capsys, "--profile", "smoke", "--methods", "nerf", "--dry-run")
-    assert "radiance-verdict" in text
-    assert "usurper 1.2" in text
-    assert CATALOG["nerf"] is nerf
-    assert "usurper" not in sys.modules
-
-
-def test_two_packages_with_one_name_are_both_named(site: Path) -> None:
-    for package in ("first-one", "second-one"):
-        install(site, package, {"mine": f"{package.replace('-', '_')}:M"})
-    with pytest.raises(InputError, match=r"first-one 1\.2 .* and package second-one 1\.2|second-one .* first-one"):
-        planned("smoke", methods=["mine"])
-
-
-def test_a_name_that_could_leave_the_folder_is_refused(site: Path) -> None:
-    install(site, "climber", {"../../mine": "climber:M"}, {"__init__.py": HEAD + "M = Method(NERF, 'x')"})
-    with pytest.raises(InputError, match="letters, digits"):
-        planned("smoke", methods=["../../mine"])
+@pytest.mark.parametrize(
+    ("name", "packages", "said"),
+    [
+        ("nerf", ["usurper"], "belongs to radiance-verdict, and package usurper 1.2"),
+        ("mine", ["first_one", "second_one"], r"first_one 1\.2 .* and package second_one 1\.2|second_one .* first_one"),
+        ("../../mine", ["climber"], "letters, digits"),
+    ],
+)
+def test_a_name_that_is_taken_or_offered_twice_or_could_leave_the_folder_is_refused(
+    site: Path, name: str, packages: list[str], said: str
+) -> None:
+    before = CATALOG.get(name)
+    for package in packages:
+        install(site, package, {name: f"{package}:M"}, METHOD)
+    with pytest.raises(InputError, match=said):
+        planned("smoke", methods=[name])
+    assert CATALOG.get(name) is before
+    assert not {*packages} & {*sys.modules}
 
 
 def digest(name: str) -> str:
@@ -262,7 +259,7 @@ def test_the_digest_is_of_everything_that_a_package_brings(
 def test_an_installation_whose_notes_are_damaged_is_refused_by_name(
     site: Path, capsys: pytest.CaptureFixture[str], note: str, text: str
 ) -> None:
-    install(site, "torn", {"mine": "torn:M"}, {"__init__.py": HEAD + "M = Method(NERF, 'x')"})
+    install(site, "torn", {"mine": "torn:M"}, METHOD)
     (site / "torn-1.2.dist-info" / note).write_text(text)
     said = refused(capsys, "--profile", "smoke", "--methods", "nerf", "mine", "--dry-run")
     assert "package torn 1.2 (entry point mine = torn:M): its files cannot be read" in said
@@ -273,7 +270,7 @@ def test_views_of_a_changed_package_are_other_views(site: Path, monkeypatch: pyt
     from harness.playback.keys import method_digest
     from harness.studies.conformance.learner_checks import fresh
 
-    install(site, "changing", {"mine": "changing:M"}, {"__init__.py": HEAD + "M = Method(NERF, 'x')"})
+    install(site, "changing", {"mine": "changing:M"}, METHOD)
     one = method_digest(fresh(Subject("mine")))
     assert method_digest(fresh(Subject("mine"))) == one
     (site / "changing" / "__init__.py").write_text(HEAD + "M = Method(NERF, 'x')\n# another thought\n")

@@ -110,24 +110,15 @@ def test_what_is_missing_or_of_another_kind_is_refused(tmp_path: Path) -> None:
         read_renders(tmp_path / "truth")
 
 
-def rewritten(path: Path, change: Callable[[dict, dict], object]) -> None:
-    """Change the tensors and the listing of the file, with a matching digest."""
-    listing, tensors = pictures.unsealed("pictures", path.read_bytes())
-    change(tensors, listing)
-    path.write_bytes(pictures.sealed("pictures", listing, tensors))
-
-
 @pytest.mark.parametrize(
     ("change", "said"),
     [
         (lambda tensors, listing: tensors.pop("0000.depth"), "0000.depth"),
         (lambda tensors, listing: tensors.update(more=np.zeros(1, np.float16)), "does not know"),
         (lambda tensors, listing: tensors.update({"0000.depth": np.zeros((9, 9), np.float16)}), "depth of view"),
-        (lambda tensors, listing: tensors.update({"0000.opacity": np.zeros((3, 4, 1), np.float16)}), "of view"),
         (lambda tensors, listing: tensors.update({"0000.depth": np.zeros((3, 4), np.float32)}), "float32"),
         (lambda tensors, listing: tensors["0000.colour"].fill(np.nan), "not finite"),
         (lambda tensors, listing: listing["pictures"][0].update(view=3), r"\[0\]\.view"),
-        (lambda tensors, listing: listing["pictures"][0].update(step=True), r"\[0\]\.step"),
         (lambda tensors, listing: listing["pictures"][0].pop("step"), "step"),
         (lambda tensors, listing: listing["pictures"][0].update(parts=["colour"]), "parts"),
         (lambda tensors, listing: listing["pictures"][0].update(parts=3), r"\[0\]\.parts"),
@@ -139,9 +130,11 @@ def rewritten(path: Path, change: Callable[[dict, dict], object]) -> None:
 def test_a_listing_that_does_not_fit_is_refused(change: Callable, said: str, tmp_path: Path) -> None:
     path = tmp_path / "a.safetensors"
     write_renders(path, renders())
-    rewritten(path, lambda tensors, listing: None)
+    listing, tensors = pictures.unsealed("pictures", path.read_bytes())
+    path.write_bytes(pictures.sealed("pictures", listing, tensors))
     assert len(read_renders(path)) == 4
-    rewritten(path, change)
+    change(tensors, listing)
+    path.write_bytes(pictures.sealed("pictures", listing, tensors))
     with pytest.raises(DamagedRecord, match=said):
         read_renders(path)
 

@@ -175,14 +175,10 @@ def test_a_digest_depends_on_content_and_order_not_on_spaces(tmp_path: Path) -> 
         load_record(path)
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [({}, "its digest is missing, so it was changed by hand"), ({"digest": "0" * 64}, "digest does not match")],
-)
-def test_a_removed_or_replaced_digest_is_damage(out: Path, changes: dict[str, str], words: str) -> None:
+def test_a_removed_digest_is_damage(out: Path) -> None:
     path = cell_path(out, *CELL)
     data = json.loads(path.read_text(encoding="utf-8"))
     del data["digest"]
-    path.write_text(json.dumps({**data, **changes}), encoding="utf-8")
-    with pytest.raises(DamagedRecord, match=words):
+    path.write_text(json.dumps(data), encoding="utf-8")
+    with pytest.raises(DamagedRecord, match="its digest is missing, so it was changed by hand"):
         read_cell(path)

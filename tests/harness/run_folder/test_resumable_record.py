@@ -133,20 +133,16 @@ def test_cells_of_other_code_are_recorded(ball_folder: Path, out: Path, capsys: 
     assert not any(line.startswith("One code") for line in read_run(out).not_tested)
 
 
-def test_resuming_a_finished_run_with_other_code_prints_no_warning(
+def test_resuming_a_finished_run_trains_and_warns_of_nothing_and_sums_the_clocks_of_all_parts(
     ball_folder: Path, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for old in (cell(out, "nerf"), cell(out, "qnerf")):
         write_cell(out, replace(old, provenance={**old.provenance, "sources": "0123456789abcdef"}))
-    assert run_command(out, ball_folder, "--resume") == 0
-    assert "other code" not in capsys.readouterr().out
-
-
-def test_resuming_a_finished_run_trains_nothing_and_sums_the_clocks_of_all_parts(ball_folder: Path, out: Path) -> None:
     first, folders = read_run(out), ("records/cells", "checkpoints", "records/pictures")
     before = [files(out, folder) for folder in folders]
     write_run(out, replace(first, phases={"render": 10.0, "train": 1000.0, "verify": 5.0, "total": 1020.0}))
     assert run_command(out, ball_folder, "--resume") == 0
+    assert "other code" not in capsys.readouterr().out
     assert [files(out, folder) for folder in folders] == before
     phases = read_run(out).phases
     assert phases["verify"] == 5.0

@@ -86,7 +86,6 @@ def test_metrics_are_judged_each_by_itself_on_one_page(tmp_path: Path, capfd: py
         ("", "no such file; give a table as CSV, Markdown, LaTeX, Parquet or JSON"),
         ("--metric ssim", "--metric ssim: no such column; metrics of the table: psnr"),
         ("--baseline nerf", "--baseline nerf: no such method"),
-        ("--margin nan", "--margin nan: must be 0 or more"),
     ],
 )
 def test_what_cannot_be_judged_is_said_in_a_line(
@@ -95,11 +94,6 @@ def test_what_cannot_be_judged_is_said_in_a_line(
     path = table_file(tmp_path, collapsed()) if options else tmp_path / "t.csv"
     assert said in refused(capsys, path, *options.split(), "--out", tmp_path / "out", command="judge")
     assert not (tmp_path / "out").exists()
-
-
-def test_a_record_is_read_as_it_was_written(tmp_path: Path, record: JudgementRecord) -> None:
-    write_judgement(tmp_path / JUDGEMENT_FILE, record)
-    assert read_judgement(tmp_path / JUDGEMENT_FILE) == record
 
 
 @pytest.mark.parametrize("change", [{"schema": 9}, {"given": {}}, {"margin": "much"}, {"suspects": 3}, {"more": 1}])

@@ -15,22 +15,16 @@ from tests.reports.fake_history import SLOWER_FROM, fake_history, past_runs
 from tests.reports.fake_studies import fake_studies, write_fake_studies
 
 
-def test_runs_come_back_in_their_order(tmp_path: Path) -> None:
+def test_runs_come_back_in_their_order_and_a_line_that_was_cut_off_is_named(tmp_path: Path) -> None:
     file = tmp_path / "new" / "h.jsonl"
-    for run in past_runs()[:5]:
-        append(file, run)
-    assert read_history(file) == (past_runs()[:5], [])
-
-
-def test_a_line_that_was_cut_off_is_named_and_spoils_no_other(tmp_path: Path) -> None:
-    file = tmp_path / "h.jsonl"
-    first, second, third = past_runs()[:3]
+    first, second, third, fourth = past_runs()[:4]
     append(file, first)
     append(file, second)
     file.write_bytes(file.read_bytes()[:-9])
     append(file, third)
+    append(file, fourth)
     runs, damaged = read_history(file)
-    assert runs == [first, third]
+    assert runs == [first, third, fourth]
     assert len(damaged) == 1
     assert damaged[0].startswith(f"{file}, line 2 is left out: ")
 

@@ -1,8 +1,11 @@
 """Tables as papers and programs print them give the same numbers; what is no result is left out and named."""
 
 import json
+import os
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,69 +16,63 @@ from harness.verdicts.tables.files import read_rows
 from harness.verdicts.tables.numbers import number, plain
 from harness.verdicts.tables.result_table import ResultTable, read_table
 from scenes.files.errors import InputError
+from tests.harness.verdicts.test_table import as_json
 
-METHODS, SCENES = ["Ours", "3DGS", "Mip-NeRF 360"], ["garden", "bicycle", "room", "stump"]
-VALUES = np.array([[27.31, 25.02, 31.98, 26.71], [27.41, 25.25, 30.63, 26.55], [26.98, 24.37, 31.63, 26.40]])
-MEANS = VALUES.mean(axis=1)
+WIDE = """\
+Method,garden,bicycle,room,stump,Avg.
+Ours,27.31,25.02,31.98,26.71,27.76
+3DGS,27.41,25.25,30.63,26.55,27.46
+Mip-NeRF 360,26.98,24.37,31.63,26.40,27.35
+"""
+(_, *SCENES, _), *ROWS = (line.split(",") for line in WIDE.splitlines())
+METHODS = [row[0] for row in ROWS]
+VALUES = np.array([row[1:-1] for row in ROWS], dtype=float)
+TURNED = "\n".join(map(",".join, zip(["scene", *SCENES, "mean"], *ROWS, strict=True)))
+LONG = "Dataset,Model,PSNR ↑\n" + "\n".join(
+    f"{scene},{row[0]},{value}" for row in ROWS for scene, value in zip([*SCENES, "average"], row[1:], strict=True)
+)
+JSON_ROWS = [
+    {"scene": scene, "method": row[0], "psnr": float(value)}
+    for row in ROWS
+    for scene, value in zip(SCENES, row[1:-1], strict=True)
+]
+MARKDOWN = """\
+# PSNR by scene
 
+| Method | garden | bicycle | room | stump | *Mean* |
+|:--|--:|--:|--:|--:|--:|
+| Ours | 27.31 dB | 25.02 | **31.98** | **26.71** | 27.76 |
+| 3DGS | **27.41** ± 0.3 | **25.25** | 30.63 | 26.55 | 27.46 |
+| Mip-NeRF 360 | 26.98 ± 0.3 | 24.37 | 31.63 | 26.40 | 27.35 |
 
-def wide(mark: str = ",", decimal: str = ".", corner: str = "Method", mean: str = "Avg.") -> str:
-    rows = [[corner, *SCENES, mean]]
-    rows += [
-        [method, *(f"{value:.2f}".replace(".", decimal) for value in (*row, row.mean()))]
-        for method, row in zip(METHODS, VALUES, strict=True)
-    ]
-    return "\n".join(mark.join(row) for row in rows) + "\n"
-
-
-def turned() -> str:
-    rows = [["scene", *METHODS]]
-    rows += [[scene, *(f"{value:.2f}" for value in row)] for scene, row in zip(SCENES, VALUES.T, strict=True)]
-    return "\n".join(",".join(row) for row in [*rows, ["mean", *(f"{mean:.2f}" for mean in MEANS)]])
-
-
-def long(mark: str = ",", decimal: str = ".", average: str = "average") -> str:
-    rows = [["Dataset", "Model", "PSNR ↑"]]
-    for method, row in zip(METHODS, VALUES, strict=True):
-        named = zip([*SCENES, average], [*row, row.mean()], strict=True)
-        rows += [[scene, method, f"{value:.2f}".replace(".", decimal)] for scene, value in named]
-    return "\n".join(mark.join(row) for row in rows)
-
-
-def markdown() -> str:
-    lines = ["# PSNR by scene", "", f"| Method | {' | '.join(SCENES)} | *Mean* |", "|:--|" + "--:|" * 5]
-    for k, (method, row) in enumerate(zip(METHODS, VALUES, strict=True)):
-        cells = [f"**{value:.2f}**" if value == VALUES[:, j].max() else f"{value:.2f}" for j, value in enumerate(row)]
-        cells[0] += " ± 0.3" if k else " dB"
-        lines.append(f"| [{method}] | {' | '.join(cells)} | {row.mean():.2f} |".replace("[", "").replace("]", ""))
-    return "\n".join([*lines, "", "Table 3."])
-
-
-def latex() -> str:
-    """Two rows of headers, spans, rules, bold and coloured cells, spreads, a comment, a second metric."""
-    head = " & ".join(rf"\multicolumn{{2}}{{c}}{{{scene}}}" for scene in SCENES)
-    under = " & ".join([r"PSNR$\uparrow$ & LPIPS $\downarrow$"] * len(SCENES))
-    lines = [r"\begin{table}\caption{Novel views \textbf{per scene}.}", r"\begin{tabular}{@{}l*{8}{c}@{}}", r"\toprule"]
-    lines += [rf"& {head} \\ \cmidrule(lr){{2-3}} \cmidrule(lr){{4-5}}", rf"Method & {under} \\ \midrule % the rows"]
-    for method, row in zip(METHODS, VALUES, strict=True):
-        first = rf"\cellcolor{{red!25}}\textbf{{{row[0]:.2f}}} & 0.1"
-        rest = [rf"${value:.2f} \pm 0.1$ & {0.1 + 0.01 * k:.3f}" for k, value in enumerate(row[1:], 1)]
-        lines.append(rf"{method} & {' & '.join([first, *rest])} \\")
-    return "\n".join([*lines, r"\bottomrule", r"\end{tabular}\end{table}"])
-
-
+Table 3.
+"""
+LATEX = r"""
+\begin{table}\caption{Novel views \textbf{per scene}.}
+\begin{tabular}{@{}l*{8}{c}@{}}
+\toprule
+& \multicolumn{2}{c}{garden} & \multicolumn{2}{c}{bicycle} & \multicolumn{2}{c}{room} & \multicolumn{2}{c}{stump}
+\\ \cmidrule(lr){2-3} \cmidrule(lr){4-5}
+Method & PSNR$\uparrow$ & LPIPS $\downarrow$ & PSNR$\uparrow$ & LPIPS $\downarrow$
+& PSNR$\uparrow$ & LPIPS $\downarrow$ & PSNR$\uparrow$ & LPIPS $\downarrow$ \\ \midrule % the rows
+Ours & \cellcolor{red!25}\textbf{27.31} & 0.1 & $25.02 \pm 0.1$ & 0.11 & $31.98 \pm 0.1$ & 0.12 & 26.71 & 0.13 \\
+3DGS & \cellcolor{red!25}\textbf{27.41} & 0.1 & $25.25 \pm 0.1$ & 0.11 & $30.63 \pm 0.1$ & 0.12 & 26.55 & 0.13 \\
+Mip-NeRF 360 & 26.98 & 0.1 & $24.37 \pm 0.1$ & 0.11 & $31.63 \pm 0.1$ & 0.12 & 26.40 & 0.13 \\
+\bottomrule
+\end{tabular}\end{table}
+"""
 FORMS: dict[str, tuple[str, str]] = {
-    "wide": ("psnr.csv", wide()),
-    "wide, tabs": ("t.tsv", wide("\t")),
-    "wide, decimal commas": ("t.csv", wide(";", ",")),
-    "wide, metric in the corner": ("t.csv", wide(corner="PSNR ↑ (dB)")),
-    "turned": ("t.csv", turned()),
-    "long": ("t.csv", long()),
-    "long, decimal commas": ("t.csv", long(";", ",")),
-    "long, a mean without its name": ("t.csv", long(average="eight scenes")),
-    "markdown": ("t.md", markdown()),
-    "markdown in a text": ("t.txt", markdown()),
-    "latex": ("t.tex", latex()),
+    "wide": ("psnr.csv", WIDE),
+    "wide, tabs": ("t.tsv", WIDE.replace(",", "\t")),
+    "wide, decimal commas": ("t.csv", WIDE.replace(",", ";").replace("Avg.", "Avg").replace(".", ",")),
+    "wide, metric in the corner": ("t.csv", WIDE.replace("Method", "PSNR ↑ (dB)")),
+    "turned": ("t.csv", TURNED),
+    "long": ("t.csv", LONG),
+    "long, decimal commas": ("t.csv", LONG.replace(",", ";").replace(".", ",")),
+    "long, a mean without its name": ("t.csv", LONG.replace("average", "eight scenes")),
+    "markdown": ("t.md", MARKDOWN),
+    "markdown in a text": ("t.txt", MARKDOWN),
+    "latex": ("t.tex", LATEX),
 }
 
 
@@ -94,35 +91,33 @@ def test_every_printed_form_gives_the_same_table_and_judgement(form: str, tmp_pa
     assert (table.metric, table.higher_is_better) == ("psnr", True)
     assert table.read_as.startswith("Read as 3 methods × 4 scenes, psnr ↑")
     assert ("left out" in table.read_as) == (form != "latex")
-    expected = judge(read(tmp_path, "expected.csv", wide()), None, None, {})
+    expected = judge(read(tmp_path, "expected.csv", WIDE), None, None, {})
     assert [pair.verdict for pair in judge(table, None, None, {}).given.pairs] == [
         pair.verdict for pair in expected.given.pairs
     ]
 
 
 def test_other_metrics_of_a_table_are_read_too(tmp_path: Path) -> None:
-    table = read(tmp_path, "t.tex", latex(), "lpips")
+    table = read(tmp_path, "t.tex", LATEX, "lpips")
     assert not table.higher_is_better
     assert table.values[0, :, 0].tolist() == [0.1, 0.11, 0.12, 0.13]
-    both = markdown() + "\n\n" + markdown().replace("PSNR", "SSIM").replace(" dB", "").replace(" ± 0.3", "")
+    both = MARKDOWN + "\n\n" + MARKDOWN.replace("PSNR", "SSIM").replace(" dB", "").replace(" ± 0.3", "")
     two = read(tmp_path, "two.md", both)
     assert two.other_metrics == ["ssim"]
-    spreads = read(tmp_path, "spread.md", markdown())
+    spreads = read(tmp_path, "spread.md", MARKDOWN)
     assert any("Spreads behind ±" in note for note in spreads.notes)
 
 
 def test_a_table_that_names_no_metric_holds_psnr_if_its_numbers_can_be_it(tmp_path: Path) -> None:
-    text = wide().replace("27.31", "0.31")
+    text = WIDE.replace("27.31", "0.31")
     with pytest.raises(InputError, match="does not say which metric it holds"):
         read(tmp_path, "t.csv", text)
     assert read(tmp_path, "t.csv", text, "beauty").metric == "beauty"
     assert read(tmp_path, "rmse_table.csv", text).metric == "rmse"
     with pytest.raises(InputError, match="has the columns psnr, ssim and no scenes"):
         read(tmp_path, "t.csv", "Method,PSNR,SSIM\na,30,0.9\nb,31,0.8\n")
-    years = "Method,Year," + wide().split(",", 1)[1].replace("Ours", "Ours,2025")
-    lines = [line.replace(",", ",2020,", 1) if k else line for k, line in enumerate(wide().splitlines())]
-    lines[0] = years.splitlines()[0]
-    table = read(tmp_path, "t.csv", "\n".join(lines))
+    years = [line.replace(",", ",2020," if k else ",Year,", 1) for k, line in enumerate(WIDE.splitlines())]
+    table = read(tmp_path, "t.csv", "\n".join(years))
     assert sorted(table.scenes) == sorted(SCENES)
     assert "Columns left out, which are no scenes: Year." in table.notes
 
@@ -140,47 +135,39 @@ def test_cells_of_printed_tables(cell: str, value: float | None) -> None:
     assert number(plain(cell)) == value
 
 
-def test_missing_results_are_missing_and_nan_is_refused(tmp_path: Path) -> None:
+def test_missing_results_are_missing(tmp_path: Path) -> None:
     for word in ("-", "–", "N/A", "OOM", "", "x"):
-        table = read(tmp_path, "t.csv", wide().replace("25.25", word))
+        table = read(tmp_path, "t.csv", WIDE.replace("25.25", word))
         assert np.isnan(table.values).sum() == 1
-    with pytest.raises(InputError, match="psnr is 'nan', not a finite number"):
-        read(tmp_path, "t.csv", wide().replace("25.25", "nan"), "psnr")
 
 
-def gaussian_splatting(folder: Path, method: str, add: float) -> None:
-    for scene, value in zip(SCENES, VALUES[0], strict=True):
-        place = folder / method / scene
-        place.mkdir(parents=True)
-        scores = {"SSIM": 0.9, "PSNR": value + add, "LPIPS": 0.1}
-        (place / "results.json").write_text(json.dumps({"ours_30000": scores}))
-        by_view = {name: {"00000.png": score, "00001.png": score} for name, score in scores.items()}
-        (place / "per_view.json").write_text(json.dumps({"ours_30000": by_view}))
-        (place / "cameras.json").write_text("[]")
+def gaussian_splatting(method: str, scene: str, psnr: float) -> dict[str, Any]:
+    scores = {"SSIM": 0.9, "PSNR": psnr, "LPIPS": 0.1}
+    by_view = {name: {"00000.png": score, "00001.png": score} for name, score in scores.items()}
+    contents = {"results": {"ours_30000": scores}, "per_view": {"ours_30000": by_view}, "cameras": []}
+    return {f"{method}/{scene}/{name}.json": content for name, content in contents.items()}
 
 
-def ns_eval(folder: Path, method: str, add: float) -> None:
-    for scene, value in zip(SCENES, VALUES[0], strict=True):
-        results = {"psnr": value + add, "psnr_std": 1.0, "ssim": 0.9, "fps": 3.0}
-        content = {"experiment_name": scene, "method_name": method, "checkpoint": "x.ckpt", "results": results}
-        (folder / f"{method}-{scene}.json").write_text(json.dumps(content))
+def ns_eval(method: str, scene: str, psnr: float) -> dict[str, Any]:
+    results = {"psnr": psnr, "psnr_std": 1.0, "ssim": 0.9, "fps": 3.0}
+    content = {"experiment_name": scene, "method_name": method, "checkpoint": "x.ckpt", "results": results}
+    return {f"{method}-{scene}.json": content}
 
 
-def gsplat(folder: Path, method: str, add: float) -> None:
-    for scene, value in zip(SCENES, VALUES[0], strict=True):
-        place = folder / method / scene / "stats"
-        place.mkdir(parents=True)
-        (place / "val_step29999.json").write_text(json.dumps({"psnr": value + add, "ssim": 0.9, "num_GS": 10}))
+def gsplat(method: str, scene: str, psnr: float) -> dict[str, Any]:
+    return {f"{method}/{scene}/stats/val_step29999.json": {"psnr": psnr, "ssim": 0.9, "num_GS": 10}}
 
 
-@pytest.mark.parametrize("write", [gaussian_splatting, ns_eval, gsplat])
+@pytest.mark.parametrize("written", [gaussian_splatting, ns_eval, gsplat])
 def test_files_of_other_trainers_are_read_as_they_lie(
-    write: Callable[[Path, str, float], None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    written: Callable[[str, str, float], dict[str, Any]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """`written` maps each file of a method's scene to its content."""
     for method, add in (("ours", 0.5), ("theirs", 0.0)):
-        write(tmp_path, method, add)
-    (tmp_path / ".hidden").mkdir()
-    (tmp_path / ".hidden" / "results.json").write_text("{}")
+        for scene, value in zip(SCENES, VALUES[0], strict=True):
+            for name, content in written(method, scene, value + add).items():
+                as_json(tmp_path / name, content)
+    as_json(tmp_path / ".hidden" / "results.json", {})
     (tmp_path / ".cache").mkdir()
     monkeypatch.chdir(tmp_path / ".cache")
     assert read_table([Path("..")]).methods == read_table([tmp_path]).methods
@@ -188,12 +175,10 @@ def test_files_of_other_trainers_are_read_as_they_lie(
     assert (sorted(table.methods), sorted(table.scenes)) == (["ours", "theirs"], sorted(SCENES))
     ours, theirs = (table.values[table.methods.index(method), :, 0] for method in ("ours", "theirs"))
     assert ours - theirs == pytest.approx([0.5] * 4)
-    if write is gaussian_splatting:
+    if written is gaussian_splatting:
         # each folder a method, and the scores by view alone
         assert sorted(read_table([tmp_path / "ours", tmp_path / "theirs"]).methods) == ["ours", "theirs"]
-        for file in tmp_path.rglob("results.json"):
-            file.unlink()
-        for file in tmp_path.rglob("cameras.json"):
+        for file in [*tmp_path.rglob("results.json"), *tmp_path.rglob("cameras.json")]:
             file.unlink()
         assert np.array_equal(read_table([tmp_path]).values, table.values)
 
@@ -207,25 +192,27 @@ def test_names_that_differ_in_capitals_or_blanks_are_one_with_a_note(tmp_path: P
     assert "Taken as one method: 'NeRF', 'nerf ', 'nerf'." in table.notes
 
 
+def with_seeds(ours: list[str], theirs: list[str]) -> str:
+    rows = [
+        f"s{scene},{method},{seed},{level + scene + 0.1 * place * (scene % 3 - 1)}"
+        for method, level, seeds in (("ours", 31, ours), ("theirs", 30, theirs))
+        for scene in range(6)
+        for place, seed in enumerate(seeds)
+    ]
+    return "\n".join(["scene,method,seed,psnr", *rows])
+
+
 def test_seeds_are_numbers_and_methods_with_other_seeds_are_compared_by_their_means(tmp_path: Path) -> None:
-    random = np.random.default_rng(0)
-    rows = ["scene,method,seed,psnr"]
-    for scene in range(6):
-        for seed in range(3):
-            rows.append(f"s{scene},ours,{seed},{31 + scene + random.normal(0, 0.1)}")
-            rows.append(f"s{scene},theirs,{42 + seed},{30 + scene + random.normal(0, 0.1)}")
-    table = read(tmp_path, "t.csv", "\n".join(rows))
-    result = judge(table, None, None, {})
+    result = judge(read(tmp_path, "t.csv", with_seeds(["0", "1", "2"], ["42", "43", "44"])), None, None, {})
     (pair,) = result.given.pairs
     assert (pair.scenes, pair.verdict.phrase) == (6, "above 0, matters")
     assert pair.on_these_scenes is None
     assert any("their means over seeds are compared" in note for note in result.notes)
-    mixed = [row.replace("theirs,42", "theirs,0").replace("theirs,43", "theirs,1.0") for row in rows]
-    same = read(tmp_path, "t.csv", "\n".join(row.replace("theirs,44", "theirs,2.0") for row in mixed))
+    same = read(tmp_path, "t.csv", with_seeds(["0", "1", "2"], ["0", "1.0", "2.0"]))
     assert same.seeds == ["0", "1", "2"]
-    large = [row.replace(",0,", ",20260001,").replace(",1,", ",20260002,") for row in rows]
-    assert {"20260001", "20260002"} <= set(read(tmp_path, "t.csv", "\n".join(large)).seeds)
     assert judge(same, None, None, {}).given.pairs[0].on_these_scenes
+    large = read(tmp_path, "t.csv", with_seeds(["20260001", "20260002"], ["42"]))
+    assert {"20260001", "20260002"} <= set(large.seeds)
 
 
 def test_scores_of_one_scene_at_two_widths_are_refused(tmp_path: Path) -> None:
@@ -242,7 +229,7 @@ def test_scores_of_one_scene_at_two_widths_are_refused(tmp_path: Path) -> None:
 
 
 def test_only_the_methods_that_are_asked_for_are_judged_together(tmp_path: Path) -> None:
-    (tmp_path / "t.csv").write_text(wide())
+    (tmp_path / "t.csv").write_text(WIDE)
     table = read_table([tmp_path / "t.csv"], methods=["3DGS", "Ours"])
     assert table.methods == ["3DGS", "Ours"]
     assert judge(table, None, None, {}).given.family == 1
@@ -267,3 +254,11 @@ def test_lpips_of_two_networks_are_two_metrics(tmp_path: Path) -> None:
     (tmp_path / "scores.json").write_text(json.dumps({"cells": cells}))
     columns = read_rows([tmp_path / "scores.json"]).columns
     assert (columns["lpips"], columns["lpips_vgg"]) == ([0.1, None, 0.1, None], [None, 0.2, None, 0.2])
+
+
+@pytest.mark.parametrize("text", [WIDE, json.dumps(JSON_ROWS)])
+def test_a_pipe_of_the_shell_is_read_as_a_file(text: str, tmp_path: Path) -> None:
+    os.mkfifo(pipe := tmp_path / "63")
+    with ThreadPoolExecutor(1) as writer:
+        writer.submit(pipe.write_text, text)
+        assert set(read_table([pipe]).methods) == set(METHODS)

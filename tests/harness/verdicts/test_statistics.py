@@ -1,53 +1,23 @@
-"""Intervals, detectable effects and verdicts have their stated error rates in simulation."""
+"""Intervals, detectable effects and verdicts agree with closed forms and references; intervals hold the truth."""
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import pytest
 from scipy.stats import nct, ttest_ind
 from scipy.stats import t as student
 
-from harness.records.verdict import OPEN, Size, Verdict
+from harness.records.verdict import OPEN
 from harness.verdicts import statistics
 from harness.verdicts.estimates import nested
 from harness.verdicts.statistics import PairedDifference, on_these_scenes, paired_difference, scenes_like_these, verdict
 
 Table = dict[str, np.ndarray]
 
-REPETITIONS = 4000
-SMALLER: Size = "smaller than matters"
 
-
-def chance(share: float, repetitions: int = REPETITIONS) -> float:
-    """Return four standard errors of a share."""
-    return 4 * math.sqrt(share * (1 - share) / repetitions)
-
-
-def held(results: list[PairedDifference], truth: float = 0.0) -> float:
-    pairs = [result.interval for result in results]
-    return float(np.mean([pair is not None and pair[0] <= truth <= pair[1] for pair in pairs]))
-
-
-@pytest.mark.parametrize("units", [3, 8])
-def test_95_percent_of_intervals_hold_the_truth_and_5_percent_tell_nothing_from_nothing(units: int) -> None:
-    draws = np.random.default_rng(1).normal(0.0, 1.0, (REPETITIONS, units))
-    results = [paired_difference(row) for row in draws]
-    assert held(results) == pytest.approx(0.95, abs=chance(0.05))
-    signs = [verdict(result, 0.2).sign for result in results]
-    false = np.mean([sign != "open" for sign in signs])
-    assert 0.03 < false < 0.05 + chance(0.05)
-    assert signs.count("above 0") == pytest.approx(signs.count("below 0"), abs=60)
-
-
-@pytest.mark.parametrize("units", [2, 3, 8, 24])
-@pytest.mark.parametrize("family", [1, 8, 48])
-def test_the_difference_that_is_printed_for_the_true_spread_is_found_in_80_percent(units: int, family: int) -> None:
-    """All repetitions share one effect, as the size that each of them prints varies."""
-    planted = paired_difference(of_spread_1(units), family).smallest_detectable
-    draws = np.random.default_rng(2).normal(planted, 1, (REPETITIONS, units))
-    above = [verdict(paired_difference(row, family), 0.2).sign == "above 0" for row in draws]
-    assert np.mean(above) == pytest.approx(0.80, abs=chance(0.2))
+def held(results: list[PairedDifference]) -> float:
+    """Return the share of intervals that hold 0."""
+    return float(np.mean([low <= 0.0 <= high for low, high in (result.interval for result in results)]))
 
 
 @pytest.mark.parametrize("family", [1, 8, 48, 1000])
@@ -56,14 +26,10 @@ def test_what_is_found_is_the_noncentral_t_distributions_tail(freedom: float, fa
     threshold = statistics.critical(freedom, family)
     shift = statistics.shift_found(threshold, freedom)
     assert nct.sf(threshold, freedom, shift) == pytest.approx(0.80, abs=1e-4)
+    assert statistics.share_found(shift, threshold, freedom) == pytest.approx(statistics.POWER, abs=1e-6)
     for other in (0.3 * shift, 0.8 * shift, 1.5 * shift):
         exact = nct.sf(threshold, freedom, other)
         assert statistics.share_found(other, threshold, freedom) == pytest.approx(exact, abs=1e-4)
-
-
-def of_spread_1(units: int) -> np.ndarray:
-    values = np.linspace(-1.0, 1.0, units)
-    return values / values.std(ddof=1)
 
 
 def test_the_interval_is_students() -> None:
@@ -77,27 +43,14 @@ def test_the_interval_is_students() -> None:
     assert statistics.critical(2, 1) < statistics.critical(2, 2) < statistics.critical(2, 8)
     # noncentral by 5.653489, t is beyond 4.302653 in 80 %
     assert result.smallest_detectable == pytest.approx(5.653489 / math.sqrt(3), rel=1e-5)
+    shift = statistics.shift_found(statistics.critical(2, 8), 2)
+    assert of_eight.smallest_detectable == pytest.approx(shift / math.sqrt(3))
     wider = paired_difference(10 * values)
     assert wider.smallest_detectable == pytest.approx(10 * (result.smallest_detectable or 0))
-    many = np.random.default_rng(3).normal(0, 1, 100_000)
-    of_normal = (1.959964 + 0.841621) * many.std(ddof=1) / math.sqrt(100_000)
-    assert paired_difference(many).smallest_detectable == pytest.approx(of_normal, rel=1e-3)
+    normal = float(statistics.rounded_down(math.inf))
+    assert statistics.shift_found(statistics.critical(normal), normal) == pytest.approx(1.959964 + 0.841621, rel=1e-3)
     alike = paired_difference(np.array([1.0, 1.0, 1.0]))
     assert alike.smallest_detectable == 0.0, "without any spread"
-
-
-def test_a_whole_family_holds_the_truth_in_95_percent() -> None:
-    """Eight scenes of three seeds with one interval per scene are independent, so that Bonferroni is almost exact."""
-
-    def misses(pair: tuple[float, float] | None) -> bool:
-        return pair is None or pair[0] > 0 or pair[1] < 0
-
-    draws = np.random.default_rng(4).normal(0, 1, (1000, 8, 3))
-    tables = [[paired_difference(row, 8) for row in table] for table in draws]
-    missed = np.mean([any(misses(result.simultaneous) for result in table) for table in tables])
-    assert missed == pytest.approx(1 - (1 - 0.05 / 8) ** 8, abs=chance(0.05, 1000))
-    # what would come of eight uncorrected looks
-    assert np.mean([any(misses(result.interval) for result in table) for table in tables]) > 0.25
 
 
 def test_one_unit_has_no_interval_and_no_verdict() -> None:
@@ -110,11 +63,6 @@ def test_one_unit_has_no_interval_and_no_verdict() -> None:
 def test_differences_that_are_not_numbers_are_refused(values: list[float]) -> None:
     with pytest.raises(ValueError, match="finite and not empty"):
         paired_difference(np.array(values))
-
-
-def test_a_verdict_is_taken_from_the_simultaneous_interval() -> None:
-    """The interval of the single comparison does not count."""
-    assert verdict(PairedDifference(0.0, (7.0, 8.0), None, 3, (-0.1, 0.1)), 0.2) == Verdict("open", SMALLER)
 
 
 def drawn(scenes: int, seeds: int, spread_of_scenes: float, spread: float = 1.0, many: int = 1) -> list[Table]:
@@ -130,6 +78,7 @@ def test_on_these_scenes_of_equal_variances_is_the_pooled_t_interval() -> None:
     assert (result.mean, result.freedom, result.units) == (5.0, 6.0, 3)
     assert result.interval == pytest.approx((5 - half, 5 + half), abs=1e-5)
     assert result.effect == pytest.approx(5.0)
+    assert result.smallest_detectable == pytest.approx(statistics.shift_found(statistics.critical(6), 6) / 3)
 
 
 def test_scenes_like_these_are_students_t_over_their_means() -> None:
@@ -163,25 +112,6 @@ def test_intervals_hold_what_they_are_about(spread_of_scenes: float) -> None:
         assert held([on_these_scenes(table) for table in tables]) < 0.6
 
 
-@pytest.mark.parametrize("estimate", [on_these_scenes, scenes_like_these])
-def test_eight_scenes_find_an_effect_of_the_size_that_they_print(estimate: Callable[[Table], PairedDifference]) -> None:
-    """All tables share one effect, the root mean square of the printed sizes, as their errors vary."""
-    tables = drawn(8, 3, 0.0, many=500)
-    sizes = [estimate(table).smallest_detectable or 0.0 for table in tables]
-    planted = float(np.sqrt(np.mean(np.square(sizes))))
-    shifted = [{scene: row + planted for scene, row in table.items()} for table in tables]
-    above = [verdict(estimate(table), 0.2).sign == "above 0" for table in shifted]
-    assert np.mean(above) == pytest.approx(0.80, abs=chance(0.2, 500))
-
-
-@pytest.mark.parametrize(("freedom", "family"), [(1.0, 200), (2.5, 9), (1e6, 1), (math.inf, 3)])
-def test_what_can_be_detected_is_found_for_all_degrees_of_freedom(freedom: float, family: int) -> None:
-    kept = float(statistics.rounded_down(freedom))
-    threshold = statistics.critical(kept, family)
-    shift = statistics.shift_found(threshold, kept)
-    assert statistics.share_found(shift, threshold, kept) == pytest.approx(statistics.POWER, abs=1e-6)
-
-
 def test_the_freedom_on_these_scenes_is_satterthwaites() -> None:
     """Three seeds of variance 1 and five of 4 have (1/3 + 4/5)² / ((1/3)² / 2 + (4/5)² / 4) degrees of freedom."""
     three, five = np.array([-1.0, 0.0, 1.0]), np.array([-2.0, -2.0, 0.0, 2.0, 2.0])
@@ -189,12 +119,6 @@ def test_the_freedom_on_these_scenes_is_satterthwaites() -> None:
     assert result.error == pytest.approx(math.sqrt(1 / 3 + 4 / 5) / 2)
     expected = (1 / 3 + 4 / 5) ** 2 / ((1 / 3) ** 2 / 2 + (4 / 5) ** 2 / 4)
     assert result.freedom == pytest.approx(expected, abs=0.1)
-
-
-def test_one_noisy_scene_alone_decides_the_freedom() -> None:
-    (table,) = drawn(8, 3, 0.0)
-    table["3"] = 1000 * table["3"]
-    assert on_these_scenes(table).freedom == pytest.approx(2.0, abs=0.1)
 
 
 @pytest.mark.parametrize("repeated", range(1, 8))

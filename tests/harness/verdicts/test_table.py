@@ -114,9 +114,7 @@ BAD = {
     "scene,method,psnr\na,x,1\na,y,2\nb,x,3\na,x,4\nb,y,1\n": "line 5: repeats scene and method of {}, line 2; give",
     "scene,method,seed,psnr\na,x,0,1\na,x,0,1\n": "line 3: repeats scene, method and seed of {}, line 2; delete one",
     "scene,method,psnr\na,x,nan\na,y,2\n": "line 2: psnr is 'nan', not a finite number within ±1e+12; leave the field",
-    "scene,method,psnr\na,x,inf\na,y,2\n": "line 2: psnr is 'inf'",
     "scene,method,psnr\na,x,2\na,y,-1e308\n": "line 3: psnr is '-1e308'",
-    "scene,method,psnr\na,x,1\na,y,26.3 cm\n": "line 3: psnr is '26.3 cm'",
     "scene,method,psnr,steps\na,x,1,9\na,y,2,9k\n": "line 3: steps is '9k'",
     "scene,method,psnr\na,x,1\na,y,2\n": "has 1 scene with results",
     "scene,method,psnr\na,x,1\nb,x,2\n": "has 1 method with results; a comparison needs two",
@@ -148,14 +146,12 @@ def test_what_cannot_be_judged_is_refused_in_a_line(text: str, tmp_path: Path) -
         ("t.json", '[{"scene": "a", "method": "x", "psnr": NaN}]', "is not JSON .*write null"),
         ("t.json", '[{"scene": "a", "method": "x", "psnr": true}]', "row 1: psnr is True"),
         ("t.json", '{"odd": 3}', "holds no rows; JSON must be"),
-        ("t.json", "[1, 2]", "holds no rows"),
-        ("t.json", "{", "is not JSON"),
+        ("t.json", '[{"scene": "a", "method": "x", "psnr": 1, "psnr": 2}]', "'psnr' is given twice; keep one"),
         ("t.parquet", "scene", "t.parquet: "),
-        ("t.csv", "\udcff", "is not a CSV file in UTF-8"),
     ],
 )  # fmt: skip
 def test_files_that_are_no_table(name: str, text: str, said: str, tmp_path: Path) -> None:
-    (tmp_path / name).write_bytes(text.encode(errors="surrogateescape"))
+    (tmp_path / name).write_text(text)
     with pytest.raises(InputError, match=said):
         read_table([tmp_path / name], "psnr")
 
@@ -186,9 +182,9 @@ def test_many_rows_are_read_and_too_many_cells_refused(tmp_path: Path) -> None:
 # a row per view
 
 
-def table(folder: Path, rows: list[str], header: str = "scene,method,image,psnr") -> Path:
+def table(folder: Path, rows: list[str]) -> Path:
     path = folder / "views.csv"
-    path.write_text("\n".join([header, *rows]) + "\n")
+    path.write_text("\n".join(["scene,method,image,psnr", *rows]) + "\n")
     return path
 
 
@@ -226,17 +222,13 @@ def test_the_files_of_methods_are_named_where_there_are_several(tmp_path: Path) 
     assert (read.notes, read.origins) == ([], ["a.csv; paper; width 800", "b.csv; width 800"])
 
 
-def test_a_method_of_two_files_on_one_scene_is_named(tmp_path: Path) -> None:
+def test_a_method_of_two_files_and_methods_without_any_result_are_named(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("scene,method,seed,psnr\ns1,m0,0,1\ns2,m0,0,2\ns1,m1,0,1\ns2,m1,0,3\n")
-    (tmp_path / "b.csv").write_text("scene,method,seed,psnr\ns1,m0,7,1\ns2,m0,7,2\n")
-    (note,) = read_table([tmp_path / "a.csv", tmp_path / "b.csv"]).notes
-    assert note == f"m0: the results in {tmp_path / 'a.csv'} and {tmp_path / 'b.csv'} are taken as those of one method."
-
-
-def test_methods_without_any_result_are_named_in_one_line(tmp_path: Path) -> None:
-    (tmp_path / "a.csv").write_text("scene,method,psnr\n" + "".join(f"s{s},{m},{s}\n" for s in (1, 2) for m in "ab"))
-    (tmp_path / "b.csv").write_text("scene,method,psnr\ns1,c,\ns1,d,-\n")
-    assert read_table([tmp_path / "a.csv", tmp_path / "b.csv"]).notes == ["Without any result, left out: c, d."]
+    (tmp_path / "b.csv").write_text("scene,method,seed,psnr\ns1,m0,7,1\ns2,m0,7,2\ns1,c,0,\ns1,d,0,-\n")
+    assert set(read_table([tmp_path / "a.csv", tmp_path / "b.csv"]).notes) == {
+        f"m0: the results in {tmp_path / 'a.csv'} and {tmp_path / 'b.csv'} are taken as those of one method.",
+        "Without any result, left out: c, d.",
+    }
 
 
 def test_a_column_of_that_name_with_one_row_per_cell_says_something_else(tmp_path: Path) -> None:

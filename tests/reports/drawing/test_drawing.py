@@ -106,3 +106,8 @@ def test_svg_is_fit_for_a_page_with_others():
     assert ids
     assert all(name.startswith("one-1-") for name in ids)
     assert len(ids) == len(set(ids))
+
+
+def test_a_name_in_letters_that_the_font_lacks_warns_nobody(recwarn):
+    assert "光场" in str(svg(drawn(line([1.0, 2.0], name="光场")), "one-2"))
+    assert not recwarn.list

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from scenes.files.atomic import remove_leftovers, replacing, write_atomically
+from scenes.files.atomic import remove_leftovers, replacing, require_suffix, write_atomically
+from scenes.files.errors import InputError
 
 NO_SPACE = errno.ENOSPC, os.strerror(errno.ENOSPC)
 
@@ -131,3 +132,20 @@ def test_a_link_of_ours_to_a_device_is_replaced_and_the_device_is_not(tmp_path: 
     write_atomically(link, "text")
     assert link.read_text() == "text"
     assert Path("/dev/null").is_char_device()
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("table.csv", r"--to \S+table.csv: give a name that ends in .json"),
+        ("folder.json", "is a folder"),
+        ("records/cell.json", "lies among the records of a run"),
+    ],
+)
+def test_a_file_that_is_not_to_be_replaced_is_refused(name: str, said: str, tmp_path: Path) -> None:
+    (tmp_path / "folder.json").mkdir()
+    (tmp_path / "records").mkdir()
+    (tmp_path / "records" / "run.json").touch()
+    require_suffix(tmp_path / "new.JSON", ".json", "--to")
+    with pytest.raises(InputError, match=said):
+        require_suffix(tmp_path / name, ".json", "--to")

@@ -241,15 +241,11 @@ REFUSED: dict[str, tuple[Callable[[Path], Any], str]] = {
         lambda f: broken(f, "images.txt", lambda text: text.replace("v 03.png", "../v 03.png")),
         "leaves the folder",
     ),
-    "a word": (lambda f: broken(f, "cameras.txt", lambda text: text.replace(" 24", " wide", 1)), "damaged or cut off"),
+    "a word": (lambda f: broken(f, "cameras.txt", lambda text: text.replace(" 24", " wide", 1)), "line 2, .*damaged"),
     "no points": (lambda f: broken(f, "points3D.txt", lambda text: "1 nan 0 0\n"), "points3D.txt: a point is NaN"),
     "a folding lens": (
         lambda f: broken(f, "cameras.txt", lambda text: "7 SIMPLE_RADIAL 24 24 30.0 -90.0 12.0 0.0\n"),
         "no pinhole fits",
-    ),
-    "alpha in some": (
-        lambda f: write_png(f / "images" / "v 03.png", np.zeros((24, 24, 3))),
-        r"v 03.png: has no alpha, but the first view has it",
     ),
     "another shape": (
         lambda f: write_png(f / "images" / "v 03.png", np.zeros((12, 24, 4))),

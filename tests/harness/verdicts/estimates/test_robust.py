@@ -1,7 +1,6 @@
 """Robust estimates agree with slow references, and their error rates hold in simulation."""
 
 import math
-from itertools import product
 
 import numpy as np
 import pytest
@@ -23,19 +22,10 @@ def test_the_interval_holds_what_wilcoxons_exact_test_does_not_reject(count: int
 def test_the_estimate_is_the_median_of_the_means_of_all_pairs() -> None:
     values = np.array([1.0, 2.0, 4.0, 8.0])
     means = [(a + b) / 2 for place, a in enumerate(values) for b in values[place:]]
-    middle, low, high = hodges_lehmann(values)
-    assert middle == pytest.approx(float(np.median(means)))
-    assert np.isnan(low)
-    assert np.isnan(high), "four signs agree by chance in 12.5 %"
+    assert hodges_lehmann(values)[0] == pytest.approx(float(np.median(means)))
+    assert np.isnan(hodges_lehmann(np.arange(5.0))[1:]).all(), "five signs agree by chance in 6.25 %"
     with pytest.raises(ValueError, match="no unit"):
         hodges_lehmann(np.empty(0))
-
-
-def test_below_six_scenes_chance_alone_explains_any_order() -> None:
-    for count, some in ((5, False), (6, True)):
-        agree = sum(len(set(signs)) == 1 for signs in product((1, -1), repeat=count)) / 2**count
-        assert (agree <= 0.05) == some
-        assert np.isfinite(hodges_lehmann(np.arange(count) + 1.0)[1]) == some
 
 
 def test_many_tables_at_once_are_what_one_is_and_bad_cells_do_not_matter() -> None:
