@@ -170,7 +170,9 @@ def second_run(run: Run, other: Run, replicates: Run) -> str:
     ]
     words = "on scenes like these" if same else "on single scenes"
     head = (f"test PSNR; differences {words}, 95 %", *map(training, runs))
-    return "\n\n".join(filter(None, [table(head, rows), _change_between(run, other, methods), scale(other)]))
+    machines = {each["provenance"]["processor"] for each in runs}
+    seconds = OTHER_PROCESSORS if len(machines) > 1 else None
+    return "\n\n".join(filter(None, [table(head, rows), seconds, _change_between(run, other, methods), scale(other)]))
 
 
 def _change_between(run: Run, other: Run, methods: list[str]) -> str:
@@ -228,6 +230,7 @@ OTHER_CONSTANTS = (
     "Units of density and starts of the fields are not the same in both columns, so the change from one to the other "
     "is not judged."
 )
+OTHER_PROCESSORS = "The columns are of different processors: compare core seconds only inside a column."
 OWN_CONSTANTS = "In each column, every method has the constants that a search chose at the column's own scale."
 ONE_FOR_ALL = "one for all"
 """The start of all methods of a run from before each method had a separate start."""
