@@ -58,9 +58,10 @@ def test_doctor_needs_no_package() -> None:
     assert ended.stdout.splitlines()[-1].startswith("missing, and needed: torch, ")
 
 
-def test_a_missing_own_module_is_reported_as_a_bug() -> None:
-    with pytest.raises(ModuleNotFoundError), packages_needed():
-        import harness.nowhere  # noqa: F401
+@pytest.mark.parametrize("bug", [ModuleNotFoundError("No module", name="harness.nowhere"), BrokenPipeError()])
+def test_a_missing_own_module_and_another_broken_pipe_are_reported_as_bugs(bug: Exception) -> None:
+    with pytest.raises(type(bug)), packages_needed():
+        raise bug
 
 
 @pytest.mark.parametrize("command", ["harness gate --list", "reports --help"])
@@ -98,11 +99,6 @@ def test_a_full_disk_behind_standard_output_is_named() -> None:
         ended = subprocess.run(words, cwd=ROOT, stdout=full, stderr=subprocess.PIPE, text=True)
     assert ended.stderr.startswith("error: standard output: ")
     assert ended.stderr.count("\n") == 1
-
-
-def test_another_broken_pipe_is_reported_as_a_bug() -> None:
-    with pytest.raises(BrokenPipeError), packages_needed():
-        raise BrokenPipeError
 
 
 @pytest.mark.parametrize(("package", "foreign"), [("harness", "scenes"), ("reports", "baselines")])

@@ -95,19 +95,6 @@ def test_with_view_dependence_directions_change_colour_alone(method: str) -> Non
     assert torch.allclose(colour, other_colour) != PARTS[method].sees_direction
 
 
-@every_method
-def test_bfloat16_is_near_float32_and_keeps_float32_weights(method: str) -> None:
-    parts = PARTS[method]
-    reduced, full = (roughened(NetworkField(parts, SMALL, BOX, precision, 0)) for precision in ("bfloat16", "float32"))
-    x, d, ray = some_points(300)
-    results = [field.density_and_colour(x, field.encode_directions(d), ray) for field in (reduced, full)]
-    assert all(values.dtype == torch.float32 for values in results[0])
-    assert all(weight.dtype == torch.float32 for weight in reduced.parameters())
-    assert float((results[0][1] - results[1][1]).detach().abs().max()) <= 0.05
-    results[0][1].sum().backward()
-    assert all(weight.grad.dtype == torch.float32 for weight in reduced.colour_net.parameters())  # type: ignore[union-attr]
-
-
 def test_what_an_encoding_sees_keeps_the_aspect_ratio() -> None:
     box = Box(torch.tensor([0.0, 0.0, 0.0]), torch.tensor([4.0, 2.0, 1.0]))
     corners = torch.tensor([[0.0, 0.0, 0.0], [4.0, 2.0, 1.0], [2.0, 1.0, 0.5]])

@@ -101,22 +101,6 @@ def test_it_begins_with_thin_fog_whatever_the_unit_of_length(make: Callable[...,
     assert 0.3 < float(tau.mean()) < 3.0
 
 
-def test_the_compiled_field_learns_what_the_composed_one_learns() -> None:
-    """Loss and gradient of every weight, features and network alike."""
-    box = Box(-torch.ones(3), torch.ones(3))
-    fields = [planes(FieldSpec(NetworkSize(), box, "float32", 0, True, PlaneSettings((4, 8)))) for _ in range(2)]
-    x, d, ray = points(64), torch.nn.functional.normalize(points(4), dim=-1), torch.arange(64) % 4
-    gradients = []
-    for field, compiled in zip(fields, (True, False), strict=True):
-        at = x if compiled else x.clone().requires_grad_()  # points with a gradient go through torch
-        encoding, view = field.encoder(at), field.encode_directions(d)
-        raw, logits = field.decoder(encoding, view, ray)
-        (raw.square().sum() + logits.square().sum()).backward()
-        gradients.append({name: weight.grad for name, weight in field.named_parameters()})
-    for name, gradient in gradients[0].items():
-        torch.testing.assert_close(gradient, gradients[1][name], rtol=1e-4, atol=1e-4)
-
-
 @pytest.mark.parametrize(("cells", "entries"), [(6, 512), (40, 512), (40, 2048)])
 def test_values_and_gradients_are_those_of_dr_jit(cells: int, entries: int) -> None:
     """A dense level, whose nodes Dr.Jit numbers from the other axis on, and two with collisions."""
@@ -172,7 +156,6 @@ def test_levels_grow_by_one_factor_from_the_coarsest_to_the_finest() -> None:
     assert RESOLUTIONS["hash_grid"] == cells
     assert all(math.isclose(quotient, 12 ** (1 / 11), rel_tol=0.03) for quotient in factors("hash_grid"))
     assert geometric(16, 16, 1) == (16,)
-    assert RESOLUTIONS["planes"] == (32, 64, 128)
 
 
 @pytest.mark.parametrize("family", ["planes", "hash_grid"])

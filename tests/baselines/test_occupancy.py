@@ -10,7 +10,7 @@ from torch import Tensor
 from baselines.contract import Box
 from baselines.occupancy import DECAY, HIDDEN, OccupancyGrid
 from baselines.rendering import Sampling, render_rays
-from tests.baselines.analytic import AnalyticField, ball, cube, gaussian, homogeneous, rays_at
+from tests.baselines.analytic import AnalyticField, ball, cube, homogeneous, rays_at
 
 BOX = cube(dtype=torch.float32)
 CELLS = 16
@@ -77,14 +77,6 @@ def test_matter_is_never_dropped(share: float) -> None:
         assert grid.occupied[whole].all()
 
 
-def test_order_of_cells_is_that_of_lookups() -> None:
-    density = torch.where(torch.rand(CELLS**3, generator=generator()) < 0.5, 100.0, 0.0)
-    grid = refreshed(cell_by_cell(density))
-    assert torch.equal(grid.occupied, density > 0)
-    assert torch.equal(grid.occupied[grid.cell(centres())], density > 0)
-    assert torch.equal(grid.occupied[grid.cell(centres().reshape(CELLS, CELLS, CELLS, 3))].flatten(), density > 0)
-
-
 def test_a_box_with_unequal_sides_and_an_offset() -> None:
     box = Box(torch.tensor([1.0, -4.0, 2.0]), torch.tensor([2.0, -1.0, 2.5]))
     grid = refreshed(AnalyticField(lambda x: 100.0 * (x[:, 1] > -2.5).to(x.dtype)), box=box)
@@ -134,17 +126,13 @@ def test_dropped_haze_costs_no_more_than_the_threshold_allows() -> None:
     assert 0.0 < difference <= bound
 
 
-def test_exploration_of_everything_is_as_if_there_were_no_grid() -> None:
-    field, empty_grid = AnalyticField(gaussian(30.0, 0.2)), corner_alone()
-    explored = colours(field, empty_grid, exploration=1.0, random=True)
-    assert torch.equal(explored, colours(field, None, random=True))
-    assert not torch.equal(colours(field, empty_grid, exploration=0.0, random=True), explored)
-
-
 def test_exploration_evaluates_its_share_in_training_alone() -> None:
+    """A share of 1 is as if there were no grid."""
     field, grid = AnalyticField(homogeneous(1.0)), corner_alone()
-    colours(field, None, random=True)
+    without = colours(field, None, random=True)
     everything = field.points
+    assert torch.equal(colours(field, grid, exploration=1.0, random=True), without)
+    field.points = everything
     colours(field, grid, exploration=0.1, random=True)
     assert (field.points - everything) / everything == pytest.approx(0.1, abs=0.02)
     before = field.points
@@ -169,15 +157,6 @@ def test_a_batch_in_which_no_sample_survives_is_background() -> None:
         assert rendering.network_evaluations == 0
         rendering.colour.sum().backward()
         assert weight.grad is None or weight.grad == 0.0
-
-
-def test_bins_without_length_are_left_out_of_occupied_cells_too() -> None:
-    field = AnalyticField(homogeneous(5.0))
-    towards = rays_at(0.0, 9, dtype=torch.float32)
-    away = replace(towards, directions=-towards.directions)
-    rendering = render_rays(field, None, away, BOX, Sampling(32), refreshed(field), WHITE, generator())
-    assert rendering.network_evaluations == 0
-    assert torch.equal(rendering.colour, WHITE.expand(9, 3))
 
 
 def test_a_grid_that_finds_no_matter_is_full_again_and_says_so() -> None:

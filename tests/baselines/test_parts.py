@@ -8,11 +8,11 @@ import pytest
 import torch
 
 from baselines.composition import Parts, reaching, skip_layer
-from baselines.contract import Box, NetworkSize
+from baselines.contract import NetworkSize
 from baselines.field import NetworkField
 from baselines.methods.ablations import PARTS_OF_QNERF, combination, partial_combinations
 from baselines.methods.nerf import NERF, NERF_MATCHED
-from baselines.methods.qnerf import QNERF, QNERF_LISTING4, QNERF_PRINTED, QNERF_THEOREM
+from baselines.methods.qnerf import QNERF, QNERF_LISTING4, QNERF_THEOREM
 from baselines.numerics.encoding import PHI
 from tests.baselines.small_fields import ALL_PARTS, BOX, SMALL, field_of, render, some_rays
 
@@ -57,14 +57,6 @@ def test_catalogue_holds_every_combination_once() -> None:
     twice = [name for name, one in ALL_PARTS.items() if parts.count(one) > 1]
     assert len(twice) == 2, "a candidate, and that it was chosen"
     assert twice[0] == "qnerf_repaired"
-
-
-@pytest.mark.parametrize("extent", [0.5, 1.0, 30.0])
-def test_density_has_the_unit_of_the_box_and_as_printed_that_of_the_scene(extent: float) -> None:
-    box = Box(-extent * torch.tensor([1.0, 0.2, 0.6]), extent * torch.tensor([1.0, 0.2, 0.6]))
-    for parts in ALL_PARTS.values():
-        expected = 1.0 if parts == QNERF_PRINTED else parts.density_scale / extent
-        assert parts.density_unit(box) == pytest.approx(expected, rel=1e-6)
 
 
 def trained(parts: Parts) -> NetworkField:

@@ -6,6 +6,7 @@ import shlex
 import sys
 from contextlib import nullcontext
 from pathlib import Path
+from statistics import fmean
 
 import pandas as pd
 import pytest
@@ -13,6 +14,8 @@ import pytest
 from harness.command.main import COMMANDS, STUDIES, parsed
 from harness.records.cells import read_cells
 from harness.records.json_record import write_json
+from reports.data.load import read_records
+from reports.run.saving.publish import summary
 from tests.harness.shell import ROOT
 from tests.reports.fake_run import write_fake_run
 from tools.every_command import blocks
@@ -59,6 +62,7 @@ def test_every_session_and_command_is_run_from_end_to_end() -> None:
     run = {THROUGH.get(name, name) for name in sessions}
     run |= {words[3 + (words[3] == "study")] for words in typed if words[2] == "harness"}
     assert {*COMMANDS, *STUDIES} - {"study"} <= run
+    assert "python -m harness study conformance nerf qnerf" in commands(ROOT / "docs" / "add-a-method.md")
     assert len(COMMANDS) <= 13, "a newcomer can read the list"
 
 
@@ -118,65 +122,52 @@ def test_a_page_with_commands_of_python_says_in_which_environment(page: Path) ->
         assert named or "on every node" in text
 
 
-def test_commands_are_read_from_the_pages() -> None:
-    assert sum(len(commands(page)) for page in PAGES) >= 15
-    assert "python -m harness study conformance nerf qnerf" in commands(ROOT / "docs" / "add-a-method.md")
-
-
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_fake_run(tmp_path_factory.mktemp("docs") / "run", pictures=False)
 
 
-def test_the_python_of_the_records_page_gives_a_row_per_cell(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from reports.data.load import read_records
-    from reports.run.saving.publish import summary
-
+def test_the_python_of_the_records_page_gives_a_row_per_cell(run: Path) -> None:
     write_json(run / "summary.json", summary(read_records(run)))
     text = (ROOT / "docs" / "records.md").read_text(encoding="utf-8")
     blocks = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
-    assert len(blocks) == 3
     names: dict[str, pd.DataFrame] = {}
     cells = list(read_cells(run))
     scores = {cell.scores["psnr"] for cell in cells if cell.scores.get("psnr")}
-    exec(blocks[0].replace("out/latest", str(run)), names)
+    of_summary, of_cells, of_comparisons = (block.replace("out/latest", str(run)) for block in blocks)
+    exec(of_summary, names)
     assert len(names["cells"]) == len(cells)
     assert set(names["cells"].psnr.dropna()) == scores
-    exec(blocks[1].replace("out/latest", str(run)), names)
+    exec(of_cells, names)
     assert set(names["cells"]["scores.psnr"].dropna()) == scores
     assert len(names["curves"]) == sum(len(cell.curve) for cell in cells)
-    exec(blocks[2].replace("out/latest", str(run)), names)
+    exec(of_comparisons, names)
     assert {"method", "against", "difference", "verdict"} <= set(names["comparisons"].columns)
 
 
-@pytest.mark.slow
-def test_the_example_makes_its_table_and_its_figure(
-    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def analyse(monkeypatch: pytest.MonkeyPatch, *words: Path) -> None:
     monkeypatch.setenv("MPLBACKEND", "Agg")
-    monkeypatch.setattr(sys, "argv", ["analyse.py", str(run), str(tmp_path)])
+    monkeypatch.setattr(sys, "argv", ["analyse.py", *map(str, words)])
     runpy.run_path(str(ROOT / "docs" / "examples" / "analyse.py"), run_name="__main__")
+
+
+@pytest.mark.slow
+def test_the_example_makes_its_table_and_its_figure(run: Path, tmp_path: Path, monkeypatch, capsys) -> None:
+    analyse(monkeypatch, run, tmp_path)
     printed = capsys.readouterr().out
-    cells = [cell for cell in read_cells(run) if cell.scene == "chair" and cell.method == "nerf"]
-    scores = [cell.scores["psnr"] for cell in cells if cell.scores.get("psnr") is not None]
-    assert f"{sum(scores) / len(scores):.2f}" in next(line for line in printed.splitlines() if line.startswith("chair"))
+    scores = [cell.scores["psnr"] or 0.0 for cell in read_cells(run) if (cell.scene, cell.method) == ("chair", "nerf")]
+    assert f"{fmean(scores):.2f}" in next(line for line in printed.splitlines() if line.startswith("chair"))
     assert (tmp_path / "curves.png").stat().st_size > 5000
 
 
-def test_the_example_says_what_is_missing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setenv("MPLBACKEND", "Agg")
-    path = str(ROOT / "docs" / "examples" / "analyse.py")
-    monkeypatch.setattr(sys, "argv", [path])
+def test_the_example_says_what_is_missing(tmp_path: Path, monkeypatch, capsys) -> None:
     with pytest.raises(SystemExit, match="2"):
-        runpy.run_path(path, run_name="__main__")
+        analyse(monkeypatch)
     assert "required: OUT" in capsys.readouterr().err
     cell = {"scene": "chair", "method": "nerf", "seed": 0, "status": "error", "scores": {}, "curve": []}
     write_json(tmp_path / "records" / "cells" / "chair.nerf.0.json", cell)
-    monkeypatch.setattr(sys, "argv", [path, str(tmp_path)])
     with pytest.raises(SystemExit, match=r"none of its 1 cells has a score \(error\)"):
-        runpy.run_path(path, run_name="__main__")
+        analyse(monkeypatch, tmp_path)
 
 
 def test_nothing_of_this_machine_and_no_registry_is_named() -> None:

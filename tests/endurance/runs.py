@@ -16,11 +16,11 @@ import struct
 import subprocess
 import sys
 import time
-import traceback
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from multiprocessing.context import ForkProcess
 from pathlib import Path
 from types import SimpleNamespace
 from typing import IO, Any, NamedTuple
@@ -116,44 +116,30 @@ def _typed(arguments: list[str], printed: IO[str], point: Point | None) -> "subp
 # --- forked
 
 
-class Forked:
+class Forked(ForkProcess):
     """The used part of `subprocess.Popen`, for a call in a forked process."""
 
     stdout: IO[str]
 
     def __init__(self, call: Callable[[], int], stdout: int, stderr: int) -> None:
-        self.returncode: int | None = None
-        self.pid = os.fork()
-        if self.pid:
-            return
-        code = 70
-        try:
-            for number, file in ((1, stdout), (2, stderr)):
-                os.dup2(file, number)
-            sys.stdout, sys.stderr = (os.fdopen(number, "w", buffering=1, closefd=False) for number in (1, 2))
-            for interrupt in (signal.SIGINT, signal.SIGTERM):
-                signal.signal(interrupt, signal.SIG_DFL)
-            code = call()
-            sys.stdout.flush()
-        except BaseException:
-            traceback.print_exc()
-        finally:
-            os._exit(code)
+        super().__init__(target=self._called, args=(call, stdout, stderr))
+        self.start()
+
+    @staticmethod
+    def _called(call: Callable[[], int], stdout: int, stderr: int) -> None:
+        for number, file in ((1, stdout), (2, stderr)):
+            os.dup2(file, number)
+        sys.stdout, sys.stderr = (os.fdopen(number, "w", buffering=1, closefd=False) for number in (1, 2))
+        for interrupt in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(interrupt, signal.SIG_DFL)
+        sys.exit(call())
 
     def poll(self) -> int | None:
-        if self.returncode is None:
-            done, status = os.waitpid(self.pid, os.WNOHANG)
-            if done:
-                self.returncode = os.waitstatus_to_exitcode(status)
-        return self.returncode
+        return self.exitcode
 
-    def wait(self) -> int:
-        while (code := self.poll()) is None:
-            time.sleep(0.002)
-        return code
-
-    def kill(self) -> None:
-        os.kill(self.pid, signal.SIGKILL)
+    def wait(self) -> int | None:
+        self.join()
+        return self.exitcode
 
 
 def prepare() -> None:

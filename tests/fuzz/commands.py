@@ -6,6 +6,7 @@ import importlib
 import io
 import re
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -15,6 +16,7 @@ from hypothesis import strategies as st
 from harness.command.study_commands import PUBLISHED_FRONTIER
 from scenes.files.atomic import write_atomically
 from scenes.files.errors import InputError, readable
+from scenes.rendering.variant import Variant
 from tests.fuzz.spoiling import NASTY
 
 PARSERS = {"harness": ("harness.command.main", "parser"), "scenes": ("scenes.__main__", "_parser"),
@@ -28,21 +30,6 @@ GOOD = {
     "--variant": ("scalar_rgb", "auto"), "methods": ("nerf", "qnerf"), "names": ("lego", "hotdog"), "name": ("lego",),
 }  # fmt: skip
 """Valid names by option or positional argument."""
-WORK = {
-    "harness.execution.run": ("run",),
-    "harness.execution.ground_truth": ("view_set_folders",),
-    "harness.studies.framework": ("run",),
-    "harness.gate.gate_run": ("run", "renew"),
-    "harness.viewer.film.film_making": ("make_film",),
-    "harness.execution.cost": ("estimate_apart",),
-    "harness.viewer.server": ("application",),
-    "harness.studies.conformance.method_checks": ("conformance",),
-    "harness.machine.doctor": ("findings",),
-    "harness.run_folder.board": ("write_board",),
-    "scenes.rendering.store": ("write_view_set",),
-    "reports.run.saving.publish": ("write_published",),
-}
-"""The functions that begin the work after the options have been read."""
 OF_THE_PARSER = re.compile(r"argument \S+: |the following arguments are required: |unrecognized arguments:")
 
 
@@ -73,42 +60,44 @@ def parser_of(package: str) -> argparse.ArgumentParser:
     return made
 
 
-@cache
-def _stand_ins(package: str) -> list[tuple[Any, str, Any]]:
-    """Return the replacements of the work and of the parser."""
-    module, name = PARSERS[package]
-    made = parser_of(package)
-    replaced: list[tuple[Any, str, Any]] = [(importlib.import_module(module), name, lambda *_: made)]
-    for owner, names in WORK.items():
-        if owner.startswith(package):
-            replaced += [(importlib.import_module(owner), name, _reached) for name in names]
-    if package == "harness":
-        film_plan = importlib.import_module("harness.viewer.film.film_plan")
-        replaced.append((film_plan, "render_frame", lambda cell, camera: None))
-        with contextlib.suppress(ImportError):
-            replaced.append((importlib.import_module("ray"), "init", _reached))
-    if package == "scenes":
-        variant = importlib.import_module("scenes.rendering.variant")
-        chosen = lambda wanted: variant.Variant(wanted or "scalar_rgb", None, "not asked")  # noqa: E731
-        replaced.append((variant, "_choose", chosen))
-        replaced.append((importlib.import_module("scenes.rendering.render").LoadedScene, "of", staticmethod(_loaded)))
-    if package == "reports":
-        replaced.append((importlib.import_module("reports.run.run_page"), "write_page", _write_page))
-        replaced.append((importlib.import_module("reports.run.outputs"), "write_outputs_page", _write_page))
-    return replaced
+STAND_INS: dict[str, dict[str, Any]] = {
+    "harness": {
+        **dict.fromkeys((
+            "harness.execution.run.run", "harness.execution.ground_truth.view_set_folders",
+            "harness.execution.cost.estimate_apart", "harness.studies.framework.run", "harness.gate.gate_run.run",
+            "harness.gate.gate_run.renew", "harness.viewer.film.film_making.make_film",
+            "harness.viewer.server.application", "harness.studies.conformance.method_checks.conformance",
+            "harness.machine.doctor.findings", "harness.run_folder.board.write_board",
+            *(["ray.init"] if find_spec("ray") else []),
+        ), _reached),
+        "harness.viewer.film.film_plan.render_frame": lambda cell, camera: None,
+    },
+    "scenes": {
+        "scenes.rendering.store.write_view_set": _reached,
+        "scenes.rendering.variant._choose": lambda wanted: Variant(wanted or "scalar_rgb", None, "not asked"),
+        "scenes.rendering.render.LoadedScene.of": staticmethod(_loaded),
+    },
+    "reports": {
+        "reports.run.saving.publish.write_published": _reached,
+        "reports.run.run_page.write_page": _write_page,
+        "reports.run.outputs.write_outputs_page": _write_page,
+    },
+}  # fmt: skip
+"""Package → the functions that begin the work after the options have been read, and what stands in for them."""
 
 
 def call(package: str, arguments: list[str], folder: Path) -> None:
     """Call `python -m PACKAGE ARGUMENTS` in `folder`; raises `InputError` for exit code 2."""
-    errors = io.StringIO()
+    errors, (module, name) = io.StringIO(), PARSERS[package]
+    made = parser_of(package)
     with contextlib.ExitStack() as stack:
-        for owner, name, new in _stand_ins(package):
-            stack.enter_context(mock.patch.object(owner, name, new))
+        for target, new in {**STAND_INS[package], f"{module}.{name}": lambda *_: made}.items():
+            stack.enter_context(mock.patch(target, new))
         stack.enter_context(contextlib.redirect_stderr(errors))
         stack.enter_context(contextlib.redirect_stdout(io.StringIO()))
         stack.enter_context(contextlib.chdir(folder))
         try:
-            code = importlib.import_module(PARSERS[package][0]).main(arguments)
+            code = importlib.import_module(module).main(arguments)
         except SystemExit as ended:
             code = ended.code
         except Reached:

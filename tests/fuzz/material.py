@@ -4,7 +4,8 @@ import json
 import shutil
 import warnings
 from contextlib import suppress
-from functools import partial
+from functools import cache, partial
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -27,16 +28,17 @@ from harness.training.lockstep import train_group
 from harness.verdicts.survival import targets
 from harness.viewer.film.film_folder import claim as claim_film
 from harness.viewer.film.takes import FilmSpec
-from scenes.catalog.entries import scene_named
-from scenes.modelling.needs import as_rows, left_out, needs
-from scenes.rendering.occupancy import write_occupancy
+from scenes.modelling.scene import Scene
+from scenes.rendering.occupancy import with_occupancy
+from scenes.rendering.order import Order
+from scenes.rendering.store import checked_order
+from scenes.rendering.variant import Variant
+from scenes.rendering.writer import write_view_set
 from scenes.view_sets.formats.foreign import write_tiny_nerf
-from scenes.view_sets.formats.transforms import write_transforms
 from scenes.view_sets.images import write_channels, write_png
-from scenes.view_sets.manifest import note, read_manifest, write_manifest
 from scenes.view_sets.source import Region
 from scenes.view_sets.view_set import read_view_set
-from tests.harness.ball import FOV_X_RADIANS, ball_view, pose, write_ball
+from tests.harness.ball import ball_view, pose, write_ball
 from tests.harness.tiny import SCORE, TRAIN
 from tests.harness.trained_runs import train_run
 from tests.replacing import replace
@@ -59,37 +61,19 @@ captured = partial(capture, count=10, poses=POSES)
 """Ten views and a `transforms.json`."""
 
 
+@cache
+def order() -> Order:
+    """A ball in the light, in two training and two test views."""
+    shapes = {"sky": {"type": "constant"}, "ball": {"type": "sphere", "bsdf": {"type": "diffuse"}}}
+    counts, spp = {"train": 2, "val": 0, "test": 2}, dict.fromkeys(("train", "val", "test"), 4)
+    return checked_order(Scene("ball", "A ball", lambda: shapes), SIZE, counts, spp)
+
+
 def own(folder: Path) -> None:
-    """A rendered view set: EXR files, their journal, a manifest with every key, and the occupancy."""
-    views = {f"{split}/r_{i}": {"noise_mse": 1e-6, "viewpoint": i} for split in ("train", "test") for i in range(2)}
-    for name in views:
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        picture = ball_view(POSES[int(name[-1])], SIZE).astype(np.float32)
-        light = {channel: picture[..., k] * picture[..., 3] for k, channel in enumerate("RGB")}
-        hit = picture[..., 3] > 0
-        more = {"A": picture[..., 3], "Z": np.where(hit, 3.0, 0.0)}
-        more |= {f"N.{axis}": np.where(hit, axis == "Z", 0.0) for axis in "XYZ"}
-        more |= {f"V.{channel}": np.full((SIZE, SIZE), 1e-5) for channel in "RGBA"}
-        write_png(folder / f"{name}.png", picture)
-        write_channels(folder / f"{name}.exr", light | more)
-        note(folder, "0" * 64, name, {"noise_mse": 1e-6, "seen": True, "lit": True, "seconds": 0.5})
-    for split in ("train", "test"):
-        paths = [f"./{split}/r_{i}" for i in range(2)]
-        write_transforms(folder / f"transforms_{split}.json", FOV_X_RADIANS, paths, POSES[:2])
-    scene_needs = needs(scene_named("hotdog").build())
-    facts = {
-        "scene": "ball", "title": "A ball", "digest": "0" * 64, "near": 2.0, "far": 6.0,
-        "bounds": [[-1.1] * 3, [1.1] * 3], "view_from": "hemisphere", "resolution": SIZE,
-        "counts": {"train": 2, "val": 0, "test": 2}, "empty_splits": ["val"], "emitters_seen": False,
-        "spp": {"train": 16, "val": 16, "test": 64}, "max_depth": 8, "integrator": "path", "seconds": 1.0,
-        "normalised": {"scale": 1.0, "shift": [0.0, 0.0, 0.0]}, "variant": "scalar_rgb", "variant_why": "the only one",
-        "versions": {"mitsuba": "3", "drjit": "1", "python": "3"}, "needs": as_rows(scene_needs),
-        "left_out": left_out(scene_needs), "views": views,
-    }  # fmt: skip
-    write_manifest(folder, facts, [file for pattern in ("*/*", "trans*") for file in sorted(folder.glob(pattern))])
-    cells = np.zeros(32**3, dtype=bool)
-    cells[9_000:20_000] = True
-    write_occupancy(folder, read_manifest(folder), cells)
+    """A rendered view set: images, their journal, a manifest with every key, and the occupancy."""
+    folder.mkdir(parents=True)
+    write_view_set(folder, order(), Variant("scalar_rgb", None, "the only one"))
+    with_occupancy(folder, order())
 
 
 def pictures(folder: Path) -> None:
@@ -177,27 +161,22 @@ def tables(folder: Path) -> None:
     """Results in five of the forms that `judge` reads."""
     folder.mkdir(parents=True)
     cells = [
-        {"scene": scene, "method": method, "seed": seed, "psnr": 25.0 + 3 * i + j + 0.1 * seed, "seconds": 60.5}
-        for i, scene in enumerate(("chair", "lego", "mic"))
-        for j, method in enumerate(("nerf", "mine"))
+        {"scene": scene, "method": method, "seed": seed, "psnr": 25.0 + 3 * i + 0.1 * seed, "seconds": 60.5}
+        for i, (scene, method) in enumerate(product(("chair", "lego", "mic"), ("nerf", "mine")))
         for seed in range(2)
     ]
-    (folder / "table.json").write_text(json.dumps({"cells": cells}), encoding="utf-8")
-    lines = [",".join(map(str, line)) for line in (cells[0], *(cell.values() for cell in cells))]
-    (folder / "table.csv").write_text("\n".join(lines), encoding="utf-8")
-    wide = [
-        "| Method | lego | mic | Avg. |",
-        "|---|---|---|---|",
-        "| a | **30.1** | 31 ± 0.2 | 30.5 |",
-        "| b | 29 | - | 29 |",
-    ]
-    (folder / "table.md").write_text("\n".join(["PSNR ↑", "", *wide]), encoding="utf-8")
+    views = [f"s{s},{m},r_{v},{20 + s + v}" for s in range(3) for m in "ab" for v in range(2)]
     rows = (r"& \multicolumn{2}{c}{lego} & mic", "M & PSNR & SSIM & PSNR", r"\midrule a & \textbf{30} & .9 & 31")
     body = " \\\\ ".join((*rows, "b & 29 & .8 & 28"))
-    (folder / "table.tex").write_text(rf"\begin{{tabular}}{{l|ccc}} {body} \\ \end{{tabular}}", encoding="utf-8")
-
-    views = [f"s{s},{m},r_{v},{20 + s + v}" for s in range(3) for m in "ab" for v in range(2)]
-    (folder / "views.csv").write_text("\n".join(["scene,method,view,psnr", *views]), encoding="utf-8")
+    texts = {
+        "table.json": json.dumps({"cells": cells}),
+        "table.csv": "\n".join(",".join(map(str, row)) for row in (cells[0], *(cell.values() for cell in cells))),
+        "table.md": "PSNR ↑\n\n|Method|lego|mic|Avg.|\n|---|---|---|---|\n|a|**30.1**|31 ± 0.2|30.5|\n|b|29|-|29|",
+        "table.tex": rf"\begin{{tabular}}{{l|ccc}} {body} \\ \end{{tabular}}",
+        "views.csv": "\n".join(["scene,method,view,psnr", *views]),
+    }
+    for name, text in texts.items():
+        (folder / name).write_text(text, encoding="utf-8")
 
 
 def splats(folder: Path) -> None:

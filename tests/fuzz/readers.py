@@ -17,7 +17,6 @@ import torch
 from baselines.amplifiers import AMPLIFIERS
 from baselines.catalog import CATALOG
 from baselines.composition import LADDERS, SKIPS
-from baselines.contract import Rays
 from baselines.splats.ply import read_ply
 from harness.command.plan_options import planned
 from harness.gate.gates import KINDS, gates
@@ -55,6 +54,7 @@ from scenes.view_sets.manifest import read_manifest, salvaged
 from scenes.view_sets.view_set import read_view_set
 from tests.fuzz import material
 from tests.fuzz.spoiling import CODE
+from tests.harness.tiny import rays_and_colours
 
 REFUSALS = (InputError, DamagedRecord, NoRecords, BadRequest)
 """The exceptions that a reader may raise."""
@@ -150,11 +150,7 @@ def splats(folder: Path, file: Path) -> None:
         field = read_ply(file, 50.0)
     except (OSError, ValueError) as error:
         raise InputError(f"{file}: {error}") from error
-    towards = torch.nn.functional.normalize(
-        torch.tensor([[0.0, 0.1, -1.0], [0.1, 0.0, -1.0], [0.0, 0.0, -1.0]]), dim=-1
-    )
-    rendered = field.render(Rays(torch.tensor([[0.0, 0.0, 3.0]]).repeat(3, 1), towards, 0.1, 9.0))
-    assert bool(torch.isfinite(rendered.colour).all())
+    assert bool(torch.isfinite(field.render(rays_and_colours(3)[0]).colour).all())
 
 
 def tiny_nerf(folder: Path, file: Path) -> None:
@@ -168,11 +164,8 @@ COUNTS, SPP = {"train": 2, "val": 0, "test": 1}, {"train": 2, "val": 2, "test": 
 
 def own_scene(folder: Path, file: Path) -> None:
     """Read a scene file like `python -m scenes render` and `scenes.rendering.store`, up to the first use of Mitsuba."""
-    with (
-        _forgotten("scene_file_"),
-        contextlib.redirect_stdout(io.StringIO()),
-        contextlib.redirect_stderr(io.StringIO()),
-    ):
+    said = io.StringIO()
+    with _forgotten("scene_file_"), contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
         with patch.object(scene_file, "how_it_ends", return_value=""):  # it starts a process for each file
             scene = scene_from_file(file)
         notes(scene)
@@ -209,7 +202,7 @@ def journal(folder: Path, file: Path) -> None:
     """Read the views of an unfinished set like `scenes.rendering.store.write_view_set`."""
     (folder / "into").mkdir()
     names = ["train/r_0", "train/r_1", "test/r_0", "test/r_1"]
-    kept = salvaged(folder / "into", [folder], "0" * 64, names)
+    kept = salvaged(folder / "into", [folder], material.order().digest("scalar_rgb"), names)
     assert set(kept) <= set(names)
     for view in kept.values():
         facts = [float(view["noise_mse"]), 0.0 + view.get("seconds", 0.0)]

@@ -19,6 +19,7 @@ from harness.run_folder.output_folder import claim
 from harness.training import cell_training
 from harness.training.learner import Learner
 from tests.harness.ball import write_ball
+from tests.harness.patching import preceded
 from tests.harness.tiny import SCORE, TRAIN
 
 SIZE = 16
@@ -45,13 +46,6 @@ def train_run(
     """Train a run; returns its output folder `run`, next to which its view set `ball` lies. `others` are further view
     sets. `on_trained` gets each learner at its end.
     """
-
-    def saved(
-        learner: Learner, path: Path, save: Callable[[Learner, Path], None] = cell_training.save_checkpoint
-    ) -> None:
-        save(learner, path)
-        on_trained(learner)
-
     views, out = folder / "ball", folder / "run"
     if not views.exists():
         write_ball(views, size=size, train=5, test=3)
@@ -64,6 +58,6 @@ def train_run(
     claim(out, plan, machine, resume=False)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("harness.execution.run.run_locally", in_this_process)
-        patch.setattr("harness.training.cell_training.save_checkpoint", saved)
+        preceded(patch, cell_training, "save_checkpoint", lambda learner, path: on_trained(learner))
         run(plan, out, folder, machine, "none", Quiet())
     return out

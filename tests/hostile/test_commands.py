@@ -35,7 +35,7 @@ def refusal(capsys: pytest.CaptureFixture[str], program: str, *words: str | Path
 
 TABLES: dict[str, tuple[str | bytes, str]] = {
     "another unit": (TABLE.replace("20.0", "20 cm", 1), "line 2: psnr is '20 cm', not a finite number"),
-    "UTF-16": (TABLE.encode("utf-16"), "is not a CSV file in UTF-8"),
+    "UTF-16": (TABLE.encode("utf-16"), "is not text in UTF-8"),
     "a page": ("<html></html>", "has no column scene and no column method (columns: <html></html>)"),
     "a score below any": (TABLE.replace("20.0", "-5", 1), "psnr is -5, but lies between 0 and 400"),
     "a similarity of 20": (TABLE.replace("psnr", "ssim"), "ssim is 20, but lies between -1 and 1"),
@@ -154,8 +154,6 @@ OPTIONS: dict[str, tuple[str, str]] = {
     "a budget of nothing": ("harness frontier --budgets nan --out {}/f", "--budgets nan: must lie between"),
     "no such family": ("harness frontier --methods nope --out {}/f", "--methods: unknown 'nope'; known: nerf"),
     "no such method": ("harness conformance nope", "unknown 'nope'; known: nerf"),
-    "no such gate": ("harness gate --only nope --out {}/g", "no gate's name begins with 'nope'"),
-    "a rank of nothing": ("harness gate --rank {}/none --out {}/g", "no summary of a finished run"),
     "a file": ("reports {}/t.csv", "no such folder; give the output folder of a run"),
     "figures of two": ("reports {}/run {}/run-2 --export {}/x.zip", "--export: works with only one output"),
     "a page of one": ("reports {}/run --page {}/x.html", "--page: needs several outputs"),

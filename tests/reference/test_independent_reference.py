@@ -121,6 +121,6 @@ def test_the_case_says_what_is_missing_without_llvm(tmp_path: Path, monkeypatch:
     assert {check.subject for check in missing} == {"midpoint, llvm_ad_rgb", "midpoint, gridvolume"}
     closed = {check.subject: check for check in outcomes if "closed form" in check.subject}
     assert set(closed) == {f"{rule}, closed form" for rule in reference_cases.QUADRATURES}, "all quadratures are tested"
-    assert closed["midpoint, closed form"].status == "pass"
+    assert {check.status for check in closed.values() if check.owner == "ours"} == {"pass"}
     assert closed["left, closed form"].limit == reference_cases.FIRST_ORDER_BAR
     assert "first order" in closed["left, closed form"].why

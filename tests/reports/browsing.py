@@ -25,6 +25,7 @@ CONTRAST = """selector => {
     });
     return contrasts.sort((a, b) => a[0] - b[0])[0];
 }"""
+"""The smallest contrast (WCAG) of a text and its background, and that text, among what a selector chooses."""
 
 
 def opened(browser: Any, address: str, **context: Any) -> tuple[Any, list[str]]:
@@ -57,12 +58,6 @@ def until(view: Any, true: str, seconds: float = 5.0) -> None:
 
 def unfold(view: Any) -> None:
     view.evaluate("for (const details of document.querySelectorAll('details')) details.open = true")
-
-
-def weakest_contrast(view: Any, selector: str) -> tuple[float, str]:
-    """Return the smallest contrast (WCAG) of a text and its background, and that text."""
-    ratio, text = view.evaluate(CONTRAST, selector)
-    return ratio, text
 
 
 def saved(view: Any, owner: Any, kind: str) -> str:

@@ -6,6 +6,7 @@ python -m tests.reports.fake_studies OUT    writes the record of every shelf
 import math
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -120,7 +121,6 @@ def _evidence(failing: bool) -> list[StudyRecord]:
     effects += [effect(name, "", 0.01 * size, 0.003, metric="ssim") for name, size in parts.items()]
     effects.append(effect("qnerf", "nerf", -1.9, 3.4, unpaired=2, verdict=OPEN))
     effects.append(effect("qnerf", "nerf", None, scene="lego", budget="seconds", pairs=0, unpaired=3))
-    table4 = [["Baseline NeRF", 24.31, 32.5], ["+ Amplifier", "diverged", None]]
     rivals = {"nerf_phi_encoding": (0.9,), "nerf_matched": (0.93,)}
     gains = lines("Difference from nerf over resolution", 0, ("pixels across", "difference (dB)"), [100.0, 200.0],
                   lambda size, gain: gain * 100 / size, rivals, log="x")  # fmt: skip
@@ -130,7 +130,6 @@ def _evidence(failing: bool) -> list[StudyRecord]:
               Answer("Test PSNR spreads by 0.21 dB on hotdog."), *checks, *power, spread,
               question="How often does it see a difference where there is none?", method=how, scale=scale),
         study("factorial", "What does each part do?", Answer("The φ encoding brings +0.92 dB."), *effects,
-              Table("table4", 0, "Rows of Table 4", ["row", "PSNR (dB)", "the paper"], table4),
               question="What do the parts contribute?", method=how, scale=scale),
         study("bandwidth", "The golden ratio, or bandwidth?", Answer("2^k with the same reach brings +0.93 dB."),
               *gains, *(effect(name, "nerf", gain, 0.15, note="100 px") for name, (gain,) in rivals.items()),
@@ -186,33 +185,31 @@ def _stability(failing: bool) -> list[StudyRecord]:
 
 
 def _speed() -> list[StudyRecord]:
-    def figure(id: str, title: str, value: float | None, unit: str, spread: Any = None, repeats: int = 1,
-               low: float | None = None, high: float | None = None, why: str = "") -> Check:  # fmt: skip
-        return check(title, value, low, high, unit, why, owner="machine", spread=spread, repeats=repeats, id=id)
-
+    figure = partial(check, owner="machine")
     profile: list[list[str | float | None]] = [["products", 210.4, 71.2, "bfloat16"], ["optimiser", 9, None, "Adam"]]
-    plain, library = "Dense step, plain float32", "no shared library of LLVM 16 or newer"
     scores = dict(zip((10.0, 30.0, 100.0, 300.0), (15.0, 18.1, 20.2, 22.0), strict=True))
     findings: dict[int, list[Finding]] = {
         1: [
-            figure("training.plain.rate", plain, 30_120.0, "samples/s", (29_870.0, 30_410.0), 5),
-            figure("training.dense.ratio", "Same step against plain", 7.418, "×", (7.11, 7.63), 5, 10.0, why="medians"),
+            figure("Dense step, plain float32", 30_120.0, unit="samples/s", spread=(29_870.0, 30_410.0), repeats=5,
+                   id="training.plain.rate"),
+            figure("Same step against plain", 7.418, 10.0, unit="×", why="medians", spread=(7.11, 7.63), repeats=5,
+                   id="training.dense.ratio"),
         ],
         2: [
-            figure("matrix.share", "Share in the steady state", 66.1, "%", (63.9, 67.0), 5, 65.0),
+            figure("Share in steady state", 66.1, 65.0, unit="%", spread=(63.9, 67.0), repeats=5, id="matrix.share"),
             Table("profile", 2, "Where the time of one step goes", ["part", "ms", "share (%)", "note"], profile),
         ],
         3: [
-            figure("target.chair.ratio", "chair: sooner by", 19.8, "×", low=15.0),
-            figure("target.ship.ratio", "ship: sooner by", None, "×", low=15.0, why="plain never reached 22 dB"),
+            figure("chair: sooner by", 19.8, 15.0, unit="×", id="target.chair.ratio"),
+            figure("ship: sooner by", None, 15.0, unit="×", why="plain never reached 22 dB", id="target.ship.ratio"),
             *lines("PSNR against training seconds, chair", 3, ("training seconds", "PSNR of test pixels (dB)"),
                    [*scores], lambda x, ahead: scores[x] + ahead, {"plain": (0.0,), "reduced settings": (2.0,)},
                    log="x"),
         ],
-        7: [figure("truth.llvm", "llvm_ad_rgb against scalar_rgb", None, "×", low=2.0, why=library)],
+        7: [figure("llvm_ad_rgb against scalar_rgb", None, 2.0, unit="×", why="no LLVM 16 or newer", id="truth.llvm")],
         8: [
-            figure("memory.reduced", "Peak at `reduced`", 1.42, "GB", high=2.0),
-            figure("memory.images", "Growth with 4 × the images", 0.31, "GB", high=0.1),
+            figure("Peak at `reduced`", 1.42, high=2.0, unit="GB", id="memory.reduced"),
+            figure("Growth with 4 × the images", 0.31, high=0.1, unit="GB", id="memory.images"),
         ],
         9: [
             *lines("Rays a step", 9, ("rays a step", "seconds a step"), [256.0, 512.0], lambda rays: rays / 1e4,
@@ -300,31 +297,28 @@ def _frontier() -> list[StudyRecord]:
     ]
 
 
+VOCABULARY = {"owner", "status", "scene", "budget"}
+"""Fields of findings that hold known words only."""
+
+
 def hostile(record: Studies, word: str) -> Studies:
-    """Return `record` with `word` in place of all its texts."""
+    """Return `record` with `word` in all its texts."""
 
-    def spoiled(finding: Any) -> Any:
-        match finding:
-            case Check():
-                return replace(finding, subject=f"{word} {finding.subject}", what=word, why=word, unit=word, id=word)
-            case Series():
-                return replace(finding, panel=word, name=f"{word} {finding.name}", x_label=word, y_label=word)
-            case Effect():
-                return replace(finding, name=f"{word} {finding.name}", against=word, metric=word, note=word)
-            case Table():
-                columns = [word for _ in finding.columns]
-                return replace(finding, title=word, columns=columns, rows=[columns for _ in finding.rows])
-            case Answer():
-                return Answer(word)
-        raise AssertionError(finding)
+    def spoiled(value: Any) -> Any:
+        match value:
+            case str():
+                return f"{word} {value}"
+            case list():
+                return [spoiled(each) for each in value]
+            case dict():
+                return {key: spoiled(each) for key, each in value.items()}
+            case StudyRecord() | StudyInfo() | Answer() | Check() | Effect() | Series() | Table():
+                texts = set(value.__struct_fields__) - VOCABULARY
+                return replace(value, **{name: spoiled(getattr(value, name)) for name in texts})
+        return value
 
-    facts = dict.fromkeys(("input", "danger", "reference", "bar"), word)
-    studies = []
-    for each in record.studies:
-        info = StudyInfo(f"{word} {each.info.id}", word, word, word, facts=facts)
-        studies.append(StudyRecord(info, word, [spoiled(finding) for finding in each.findings], 1.0))
     provenance = {word: word, "processor": word, "device": word}
-    return replace(record, studies=studies, provenance=provenance, settings={word: [word]})
+    return replace(record, studies=spoiled(record.studies), provenance=provenance, settings={word: [word]})
 
 
 if __name__ == "__main__":

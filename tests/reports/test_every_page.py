@@ -12,7 +12,7 @@ from reports.data.load import read_records
 from reports.data.shelf_records import ShelfRecords
 from reports.run.run_page import page
 from reports.studies.study_page import shelf_shown, study_page
-from tests.reports.browsing import opened, unfold, weakest_contrast
+from tests.reports.browsing import CONTRAST, opened, unfold
 from tests.reports.fake_run import write_fake_run
 from tests.reports.fake_studies import fake_studies, hostile, write_fake_studies
 from tests.reports.run.test_page import HOSTILE, Outline, foreign_scripts, without_code
@@ -112,7 +112,7 @@ def test_text_has_contrast_and_axe_finds_no_violation(browser, address):
     unfold(view)
     for scheme in ("light", "dark"):
         view.emulate_media(color_scheme=scheme)
-        ratio, words = weakest_contrast(view, "h1, p, td, th, small, figcaption, summary, nav a, .plot text")
+        ratio, words = view.evaluate(CONTRAST, "h1, p, td, th, small, figcaption, summary, nav a, .plot text")
         assert ratio >= 4.5, (scheme, words)
         violations = Axe().run(view).response["violations"]
         assert [(each["id"], node["html"][:120]) for each in violations for node in each["nodes"]] == [], scheme

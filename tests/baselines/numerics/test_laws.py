@@ -7,14 +7,12 @@ from torch import Tensor
 
 from baselines.numerics.bounds import ray_box
 from baselines.numerics.quadrature import midpoint
-from baselines.numerics.sampling import inverse_cdf_edges, uniform_edges
 
 law = settings(deadline=None, derandomize=True, max_examples=80, database=None)
 
 densities = st.one_of(st.just(0.0), st.floats(1e-12, 1e12), st.floats(0.01, 10.0))
 lengths = st.one_of(st.just(0.0), st.floats(1e-9, 1e3), st.floats(0.01, 1.0))
 ray_of_bins = st.lists(st.tuples(densities, lengths), min_size=1, max_size=24)
-seeds = st.integers(0, 2**31)
 coordinates = st.floats(-4.0, 4.0, width=32)
 vectors = st.tuples(coordinates, coordinates, coordinates)
 
@@ -66,27 +64,6 @@ def test_the_unit_of_length_does_not_matter(bins: list[tuple[float, float]], exp
     scaled = midpoint(sigma / 2.0**exponent, t * 2.0**exponent, t_edges * 2.0**exponent)
     for ours, theirs in zip(scaled, midpoint(sigma, t, t_edges), strict=True):
         assert torch.equal(ours, theirs)
-
-
-@law
-@given(st.integers(1, 8), st.integers(1, 20), st.integers(1, 40), seeds, st.booleans(), st.integers(0, 12))
-def test_importance_samples_rise_within_the_ray(
-    rays: int, bins: int, count: int, seed: int, random: bool, sharpness: int
-) -> None:
-    generator = torch.Generator().manual_seed(seed)
-    entry = 2.0 + torch.rand(rays, generator=generator)
-    edges = uniform_edges(entry, entry + 3.0 * torch.rand(rays, generator=generator), bins)
-    w = torch.rand(rays, bins, generator=generator) ** sharpness * torch.randint(
-        0, 2, (rays, bins), generator=generator
-    )
-    drawn = inverse_cdf_edges(edges, w, count, generator if random else None)
-    assert drawn.shape == (rays, count)
-    assert ((drawn >= edges[:, :1]) & (drawn <= edges[:, -1:])).all()
-    assert (torch.diff(drawn) >= 0).all()
-    # nothing is drawn from the inside of a bin without weight, unless no bin has any
-    bin_ = torch.searchsorted(edges, drawn, right=True).clamp(1, bins) - 1
-    inside = (drawn - edges.gather(-1, bin_) > 1e-5) & (edges.gather(-1, bin_ + 1) - drawn > 1e-5)
-    assert not (inside & (w.gather(-1, bin_) == 0) & (w.sum(-1, keepdim=True) > 0)).any()
 
 
 @law

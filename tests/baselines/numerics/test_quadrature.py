@@ -25,16 +25,6 @@ def random_rays(rays: int, bins: int, seed: int = 20) -> tuple[Tensor, Tensor, T
     return sigma, 0.5 * (t_edges[:, 1:] + t_edges[:, :-1]), t_edges
 
 
-@pytest.mark.parametrize("opaque", [0, 5, 11])
-def test_huge_density_in_one_bin_is_that_bin_exactly(opaque: int) -> None:
-    _, t, t_edges = random_rays(5, 12)
-    sigma = torch.zeros_like(t)
-    sigma[:, opaque] = 1e30
-    w, T_end = midpoint(sigma, t, t_edges)
-    assert torch.equal(w, torch.nn.functional.one_hot(torch.tensor([opaque] * 5), 12).double())
-    assert torch.equal(T_end, torch.zeros_like(T_end))
-
-
 def test_an_infinite_optical_depth_is_opaque() -> None:
     t_edges = torch.tensor([[0.0, 1e30, 2e30, 3e30]])
     sigma = torch.tensor([[0.0, 1e30, 1e30]], requires_grad=True)
@@ -103,24 +93,14 @@ def test_weights_are_shares_that_sum_to_one(name: str) -> None:
         torch.testing.assert_close(w.sum(-1) + T_end, torch.ones(100, dtype=torch.float64), rtol=0.0, atol=1e-12)
 
 
-def objective(rule: Rule, sigma: Tensor, lengths: Tensor) -> Tensor:
-    w, T_end = rule.weights(sigma, lengths)
-    generator = torch.Generator().manual_seed(53)
-    g_w = torch.randn(w.shape, dtype=torch.float64, generator=generator).to(w.dtype)
-    g_T = torch.randn(T_end.shape, dtype=torch.float64, generator=generator).to(w.dtype)
-    return (w * g_w).sum() + (T_end * g_T).sum()
-
-
 @every_rule
 def test_gradcheck_of_every_rule(name: str) -> None:
-    sigma, t, t_edges = random_case(QUADRATURES[name], rays=3, bins=7)
-    lengths = QUADRATURES[name].lengths(t, t_edges)
+    """In the lengths as well; those of Listing 4 have a last one of 1e10."""
+    rule = QUADRATURES[name]
+    sigma, t, t_edges = random_case(rule, rays=3, bins=7)
+    lengths = rule.lengths(t, t_edges).requires_grad_(name in SOUND)
     for scale in (0.01, 1.0, 5.0):
-        s = (scale * (0.1 + sigma)).requires_grad_()
-        assert torch.autograd.gradcheck(lambda s: QUADRATURES[name].weights(s, lengths), (s,), atol=1e-8)
-    if name in SOUND:
-        lengths.requires_grad_()
-        assert torch.autograd.gradcheck(lambda ls: SOUND[name].weights(sigma, ls), (lengths,), atol=1e-8)
+        assert torch.autograd.gradcheck(rule.weights, ((scale * (0.1 + sigma)).requires_grad_(), lengths), atol=1e-8)
 
 
 @every_sound_rule
@@ -140,38 +120,21 @@ def test_outputs_and_gradients_are_finite_at_all_magnitudes(name: str, density: 
         assert torch.isfinite(w).all()
         assert torch.isfinite(T_end).all()
         assert ((w >= 0) & (w <= 1)).all()
-        (gradient,) = torch.autograd.grad(objective(rule, sigma, rule.lengths(t, t_edges)), sigma)
-        assert torch.isfinite(gradient).all()
+        ((w * torch.randn(w.shape, generator=generator)).sum() + T_end.sum()).backward()
+        assert torch.isfinite(sigma.grad).all()  # type: ignore[arg-type]
 
 
-@every_sound_rule
-def test_empty_bins_and_bins_without_length_contribute_nothing(name: str) -> None:
+@pytest.mark.parametrize("name", ["midpoint", "left", "linear"])
+def test_a_bin_without_length_contributes_nothing(name: str) -> None:
     rule = SOUND[name]
-    sigma, t, t_edges = random_case(rule)
-    w, T_end = rule(torch.zeros_like(sigma), t, t_edges)
-    assert torch.equal(w, torch.zeros_like(w))
-    assert torch.equal(T_end, torch.ones_like(T_end))
+    sigma, _, t_edges = random_case(rule)
     lengths = torch.diff(t_edges)
     lengths[:, 4] = 0.0
     alone = torch.zeros_like(sigma)
-    alone[:, 4 * rule.stride + rule.stride - 1] = 1e30  # in bin 4 alone, or at its front where bins share points
-    if name in ("midpoint", "left", "linear"):
-        w, T_end = rule.weights(alone, lengths)
-        assert torch.equal(w, torch.zeros_like(w))
-        assert torch.equal(T_end, torch.ones_like(T_end))
-
-
-@every_rule
-@pytest.mark.parametrize("rays", [0, 3])
-@pytest.mark.parametrize("bins", [0, 4])
-def test_no_rays_and_no_bins(name: str, rays: int, bins: int) -> None:
-    rule = QUADRATURES[name]
-    t, t_edges = rule.place(torch.arange(bins + 1.0).expand(rays, -1), None)
-    sigma = torch.zeros_like(t, requires_grad=True)
-    w, T_end = rule(sigma, t, t_edges)
-    assert t.shape == w.shape == (rays, bins * rule.stride + rule.closed)
+    alone[:, 5 * rule.stride - 1] = 1e30  # a point of bin 4 alone
+    w, T_end = rule.weights(alone, lengths)
     assert torch.equal(w, torch.zeros_like(w))
-    assert torch.equal(T_end, torch.full((rays,), 0.0 if rule.of_the_paper else 1.0))
+    assert torch.equal(T_end, torch.ones_like(T_end))
 
 
 @every_rule
@@ -191,20 +154,6 @@ def test_points_lie_in_their_bins_in_training_and_without(name: str) -> None:
             assert torch.equal(edges, posts)
         else:
             assert not torch.equal(t, rule.place(posts, None)[0])
-
-
-@every_rule
-def test_bins_and_their_points(name: str) -> None:
-    """Brute force over which points belong to which bin."""
-    rule = QUADRATURES[name]
-    bins, points = 5, 5 * rule.stride + rule.closed
-    belongs = torch.zeros(bins, points, dtype=torch.bool)
-    for i in range(bins):
-        belongs[i, i * rule.stride : (i + 1) * rule.stride + rule.closed] = True
-    for marked in torch.eye(points, dtype=torch.bool):
-        assert torch.equal(rule.bins_with(marked.unsqueeze(0))[0], (belongs & marked).any(-1))
-    for pair in torch.eye(bins, dtype=torch.bool) | torch.eye(bins, dtype=torch.bool).roll(2, 0):
-        assert torch.equal(rule.points_of(pair.unsqueeze(0))[0], belongs[pair].any(0))
 
 
 @every_sound_rule

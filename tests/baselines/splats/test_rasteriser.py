@@ -6,7 +6,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from baselines.splats.rasteriser import Drawn, Eye
+from baselines.splats.rasteriser import NEAREST, Drawn, Eye
 from baselines.splats.ray_cells import RayCells
 from tests.baselines.splats.plain_splats import drawn as plain
 
@@ -64,25 +64,6 @@ def test_picture_and_gradient_are_those_of_the_slow_reference(columns: int, blur
     assert float(results[1][2][:3].abs().max()) > 1e-3, "those beside the camera are seen"
 
 
-@pytest.mark.parametrize(("side", "depth"), [(0.5, 0.05), (3.0, 0.3), (-8.0, 1.0)])
-def test_a_ball_far_beside_the_camera_is_not_seen(side: float, depth: float) -> None:
-    """Linearised about its own direction, it would cover the middle of the picture."""
-    origin, axes = camera()
-    place = (origin + side * axes[:, 0] + depth * axes[:, 2]).tolist()
-    values = ball(0.1 * abs(side), 0.9, tuple(place))
-    eye = Eye(origin.numpy(), axes.numpy(), 0.0)
-    _, through, _ = Drawn.apply(RayCells.of(ahead().numpy()), eye, values)
-    assert float(through.min()) == 1.0
-
-
-def test_what_lies_before_the_near_plane_is_not_drawn() -> None:
-    origin, axes = camera()
-    values = ball(0.1, 0.9, tuple((origin + 0.5 * axes[:, 2]).tolist()))
-    for nearest, count in ((0.49, 1), (0.51, 0)):
-        eye = Eye(origin.numpy(), axes.numpy(), 0.0, nearest=nearest)
-        assert bool(Drawn.apply(RayCells.of(ahead().numpy()), eye, values)[2]) == bool(count)
-
-
 def ball(scale: float, opacity: float, at: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Tensor:
     """Return one grey ball [1, 14]."""
     logit = math.log(opacity / (1.0 - opacity))
@@ -120,12 +101,27 @@ def test_a_disc_seen_edge_on_is_as_thin_as_it_is_widened() -> None:
     assert (1.0 - through)[:3].tolist() == pytest.approx([0.9, 0.9 * across, 0.9 * along], rel=1e-4)
 
 
-def test_what_is_behind_the_camera_or_in_it_is_not_drawn() -> None:
+@pytest.mark.parametrize(
+    ("side", "depth", "scale", "nearest", "is_drawn"),
+    [
+        (0.0, -1.0, 0.1, NEAREST, False),  # behind the camera
+        (0.0, 0.0, 0.1, NEAREST, False),  # in it
+        (0.0, 0.5, 0.1, 0.51, False),  # before the near plane
+        (0.0, 0.5, 0.1, 0.49, True),
+        # far beside it, where a linear projection would cover the middle of the picture
+        (0.5, 0.05, 0.05, NEAREST, False),
+        (3.0, 0.3, 0.3, NEAREST, False),
+        (-8.0, 1.0, 0.8, NEAREST, False),
+    ],
+)
+def test_a_ball_is_drawn_only_before_the_camera(
+    side: float, depth: float, scale: float, nearest: float, is_drawn: bool
+) -> None:
     origin, axes = camera()
-    behind = (origin - axes[:, 2]).tolist()
-    for place in (behind, origin.tolist()):
-        out, through, count = drawn(ball(0.1, 0.9, tuple(place)), ahead())
-        assert (count, float(out.abs().max()), float(through.min())) == (0, 0.0, 1.0)
+    place = (origin + side * axes[:, 0] + depth * axes[:, 2]).tolist()
+    eye = Eye(origin.numpy(), axes.numpy(), 0.0, nearest=nearest)
+    out, through, _ = Drawn.apply(RayCells.of(ahead().numpy()), eye, ball(scale, 0.9, tuple(place)))
+    assert (float(out.abs().max()) > 0.0) == (float(through.min()) < 1.0) == is_drawn
 
 
 def test_the_nearer_one_covers_the_farther_one_in_whatever_order_they_are_listed() -> None:
@@ -160,33 +156,21 @@ def test_the_same_bits_on_one_thread_and_on_three() -> None:
     assert pictures[0][2] == pictures[1][2]
 
 
-def test_a_ray_is_drawn_the_same_whatever_others_are_drawn_with_it() -> None:
+@pytest.mark.parametrize("kind", ["some", "row", "column", "one", "the same"])
+def test_a_ray_is_drawn_the_same_whatever_others_are_drawn_with_it(kind: str) -> None:
+    """The cells of rays in a line are one row or column."""
     values, at = scene(60, kind=torch.float32), rays(20, torch.float32)
+    number = torch.arange(len(at))
+    some = {
+        "some": number[::7],
+        "row": number[at[:, 1] == at[:, 1].max()],
+        "column": number[at[:, 0] == at[:, 0].min()],
+        "one": number[:1],
+        "the same": number[:1].repeat(5),
+    }[kind]
+    cells = RayCells.of(at[some].numpy())
+    assert cells.rows * cells.columns <= 2 * len(some)
     out, through, _ = drawn(values, at)
-    some = torch.arange(0, len(at), 7)
     part, part_through, _ = drawn(values, at[some])
     torch.testing.assert_close(part, out[some], rtol=0, atol=1e-6)
     torch.testing.assert_close(part_through, through[some], rtol=0, atol=1e-6)
-
-
-@pytest.mark.parametrize("kind", ["grid", "row", "column", "one", "the same"])
-def test_every_point_is_in_its_cell(kind: str) -> None:
-    grid = rays(9)
-    chosen = {
-        "grid": grid,
-        "row": grid[grid[:, 1] == grid[:, 1].max()],
-        "column": grid[grid[:, 0] == grid[:, 0].min()],
-        "one": grid[:1],
-        "the same": grid[:1].repeat(5, 1),
-    }
-    at = chosen[kind].numpy()
-    cells = RayCells.of(at)
-    assert cells.rows * cells.columns <= 2 * len(at)
-    assert (at[cells.order] == cells.at.T).all()
-    assert (cells.order[cells.back] == range(len(at))).all()
-    for cell, (start, end) in enumerate(zip(cells.start, cells.start[1:], strict=False)):
-        row, column = divmod(cell, cells.columns)
-        for point in cells.at.T[start:end]:
-            place = (point - cells.lower) / cells.size
-            assert column - 1e-6 <= place[0] <= column + 1 + 1e-6
-            assert row - 1e-6 <= place[1] <= row + 1 + 1e-6

@@ -18,7 +18,10 @@ from harness.records.cells import CellRecord, cell_path, read_cell, read_cells
 from harness.training.trainer import Trainer
 from tests.harness import dying_workers
 from tests.harness.cells import without_time
+from tests.harness.execution.on_two_executors import Told
 from tests.harness.execution.on_two_executors import tasks as of_seeds
+from tests.harness.patching import preceded
+from tests.harness.shell import CELLS
 from tests.harness.tiny import BUDGET, SCORE
 from tests.replacing import replace
 
@@ -38,10 +41,8 @@ def test_one_worker_and_two_workers_leave_the_same_records(ball_folder: Path, tm
         stored = list(read_cells(out))
         by_name = sorted(reported, key=lambda cell: (cell.method, cell.seed))
         assert [replace(cell, settings={}) for cell in by_name] == [replace(cell, settings={}) for cell in stored]
-        expected = [(method, seed, "done") for method in ("nerf", "qnerf") for seed in range(2)]
-        assert [(cell.method, cell.seed, cell.status) for cell in stored] == expected
-        for seed in range(2):
-            shares = [event.share for event in events if event.task.seed == seed and event.share is not None]
+        assert [(cell.method, cell.seed) for cell in stored if cell.status == "done"] == CELLS
+        for shares in Told(events).shares.values():
             assert shares == sorted(shares)
             assert shares[-1] == 1.0
         left.append([without_time(cell) for cell in stored])
@@ -60,14 +61,12 @@ def test_what_a_killed_worker_was_at_is_trained_again_one_method_at_a_time(ball_
     os.kill(victims[0].pid, signal.SIGKILL)
     seen += list(events)
     cells = {(cell.method, cell.seed): cell for cell in read_cells(tmp_path)}
-    assert {key: cell.status for key, cell in cells.items()} == {
-        (method, seed): "done" for method in ("nerf", "qnerf") for seed in range(2)
-    }
+    assert {key: cell.status for key, cell in cells.items()} == dict.fromkeys(CELLS, "done")
     assert [cells["nerf", seed].provenance["in_lockstep"] for seed in range(2)] == [["nerf"], ["nerf", "qnerf"]]
-    (notice,) = [event.notice for event in seen if event.notice is not None]
+    (notice,) = Told(seen).notices
     assert "ball, seed 0" in notice
     assert "SIGKILL" in notice
-    assert {(event.cell.method, event.cell.seed) for event in seen if event.cell is not None} == set(cells)
+    assert Told(seen).cells == CELLS
     assert {event.task.seed for event in seen if event.share == 1.0} == {0, 1}
 
 
@@ -91,14 +90,11 @@ def test_a_group_that_cannot_be_trained_ends_in_error_records(
 def test_an_error_of_ours_is_named_and_leaves_finished_cells_alone(
     ball_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    original = Trainer.train_on
-
-    def broken(self: Trainer, *batch: Any) -> None:
-        if self.method == "qnerf" and self.step == 2:
+    def broken(trainer: Trainer, *_: Any) -> None:
+        if trainer.method == "qnerf" and trainer.step == 2:
             raise RuntimeError("a bug")
-        original(self, *batch)
 
-    monkeypatch.setattr(Trainer, "train_on", broken)
+    preceded(monkeypatch, Trainer, "train_on", broken)
     run_group(tasks(ball_folder, tmp_path, Budget(2, None))[0], lambda share: None, lambda cell: None)
     run_group(tasks(ball_folder, tmp_path, Budget(4, None))[1], lambda share: None, lambda cell: None)
     lost = [(cell.method, cell.seed, cell.status) for cell in read_cells(tmp_path) if cell.status != "done"]
@@ -139,7 +135,7 @@ def test_a_method_that_ends_its_worker_again_is_an_error_and_costs_no_other(
     events = list(run_locally(tasks(tmp_path, tmp_path)[:1], 1))
     ended = [event.task.methods for event in events if event.share == 1.0]
     assert ended == [("nerf",), ("qnerf",)]
-    (notice,) = [event.notice for event in events if event.notice is not None]
+    (notice,) = Told(events).notices
     died = "the worker process ended with signal 9 (SIGKILL); out of memory, perhaps"
     assert notice == f"ball, seed 0: {died}; its methods are trained one at a time"
     assert [(event.cell.method, event.cell.reason) for event in events if event.cell is not None] == [("qnerf", died)]
@@ -148,13 +144,10 @@ def test_a_method_that_ends_its_worker_again_is_an_error_and_costs_no_other(
 def test_a_worker_of_other_code_is_refused(ball_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(local_executor, "versions", lambda: {**versions(), "this program": "before"})
     events = list(run_locally(tasks(ball_folder, tmp_path), 2))
-    cells = [event.cell for event in events if event.cell is not None]
-    assert sorted((cell.seed, cell.method, cell.status) for cell in cells) == [
-        (seed, method, "error") for seed in range(2) for method in ("nerf", "qnerf")
-    ], "in whichever order the workers refuse"
-    assert {cell.reason for cell in cells} == {
-        f"the sources changed during the run (this program {versions()['this program']} instead of "
-        "before); start it again with --resume"
+    assert Told(events).cells == CELLS
+    changed = f"the sources changed during the run (this program {versions()['this program']} instead of before)"
+    assert {(event.cell.status, event.cell.reason) for event in events if event.cell is not None} == {
+        ("error", f"{changed}; start it again with --resume")
     }
     assert multiprocessing.active_children() == []
 

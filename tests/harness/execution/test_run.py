@@ -15,11 +15,11 @@ from harness.plan.schedule import Budget
 from harness.records.cells import cell_path, empty_cell, read_cell, read_comparisons, read_run, write_cell
 from harness.run_folder.integrity import repair
 from scenes.view_sets import view_set
-from scenes.view_sets.formats.foreign import source_of
 from scenes.view_sets.images import write_png
 from scenes.view_sets.source import Source
 from scenes.view_sets.view_set import read_view_set
 from tests.harness.ball import write_ball
+from tests.harness.patching import changed
 from tests.harness.tiny import SCORE, TRAIN, VIEWS
 from tests.harness.trained_runs import in_this_process, train_run
 
@@ -29,16 +29,14 @@ def decoded(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
     """The number of times that each image is decoded."""
     times: Counter[str] = Counter()
 
-    def counted(folder: Path) -> Source:
-        source = source_of(folder)
-
+    def counted(source: Source, _: Path) -> Source:
         def pixels(file: Path, width: int | None) -> np.ndarray:
             times[str(file)] += 1
             return source.pixels(file, width)
 
         return replace(source, pixels=pixels)
 
-    monkeypatch.setattr(view_set, "source_of", counted)
+    changed(monkeypatch, view_set, "source_of", counted)
     return times
 
 

@@ -2,24 +2,21 @@
 
 import os
 import signal
-import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from harness.command.main import main
 from harness.execution import submitit_executor
 from harness.execution.group_loop import Event
-from harness.execution.local_executor import run_locally
 from harness.execution.submitit_executor import FOLDER, SlurmJob, ask_node, job_parameters, run_by_submitit
 from harness.machine.provenance import versions
 from harness.records.cells import read_cells
 from scenes.files.errors import InputError
-from tests.harness.cells import without_time
-from tests.harness.execution.on_two_executors import SLOW_SCORES, files_of, tasks
+from tests.harness.execution.on_two_executors import COMMIT, SLOW_SCORES, Told, require_the_bits_of_workers, tasks
+from tests.harness.shell import refused
 from tests.harness.tiny import SCORE
+from tests.replacing import replace
 
 pytestmark = pytest.mark.timeout(900)
 
@@ -31,16 +28,6 @@ def no_slurm(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     with monkeypatch.context() as patch:
         patch.setattr("submitit.SlurmExecutor.affinity", lambda: -1)
         yield
-
-
-def test_without_submitit_it_is_said_how_to_install_it(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    monkeypatch.setitem(sys.modules, "submitit", None)
-    assert main(["run", "--profile", "smoke", "--executor", "submitit", "--out", str(tmp_path / "run")]) == 2
-    said = capsys.readouterr().err
-    assert said.startswith("error: --executor submitit: submitit is not installed; `python -m pip install submitit==")
-    assert said.count("\n") == 1
 
 
 def test_numbers_are_numbers_and_words_are_words() -> None:
@@ -65,30 +52,33 @@ def test_wrong_parameters_are_named(no_slurm: None, tmp_path: Path, given: str, 
 
 
 def test_parameters_of_jobs_are_no_option_of_another_executor(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["run", "--profile", "smoke", "--job", "timeout_min=5"]) == 2
-    assert capsys.readouterr().err == "error: --job timeout_min=5: is an option of --executor submitit\n"
+    said = refused(capsys, "--profile", "smoke", "--job", "timeout_min=5")
+    assert said == "error: --job timeout_min=5: is an option of --executor submitit\n"
 
 
-def test_a_node_with_other_packages_trains_nothing(ball_folder: Path, tmp_path: Path) -> None:
+@pytest.fixture
+def job(ball_folder: Path, tmp_path: Path) -> SlurmJob:
     (task,) = tasks(ball_folder, tmp_path, 1, SCORE)
-    refusal = SlurmJob(task, tmp_path / "journal", tmp_path / "alive", {**versions(), "torch": "0.1"}, "0123456789ab")()
+    return SlurmJob(task, tmp_path / "journal", tmp_path / "alive", versions(), COMMIT)
+
+
+def test_a_node_with_other_packages_trains_nothing(job: SlurmJob, tmp_path: Path) -> None:
+    refusal = replace(job, versions={**versions(), "torch": "0.1"})()
     assert "torch" in refusal
     assert "instead of 0.1" in refusal
     assert not list(read_cells(tmp_path))
 
 
-def test_a_job_without_its_driver_ends(ball_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_job_without_its_driver_ends(job: SlurmJob, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(submitit_executor, "TOLD_SECONDS", 0.0)
-    (task,) = tasks(ball_folder, tmp_path, 1, SCORE)
-    alive = tmp_path / "alive"
     with pytest.raises(SystemExit):
-        SlurmJob(task, tmp_path / "journal", alive, versions(), "0123456789ab")()
-    alive.touch()
-    os.utime(alive, (0.0, 0.0))
+        job()
+    job.alive.touch()
+    os.utime(job.alive, (0.0, 0.0))
     with pytest.raises(SystemExit):
-        SlurmJob(task, tmp_path / "journal", alive, versions(), "0123456789ab")()
-    alive.touch()
-    assert SlurmJob(task, tmp_path / "journal", alive, versions(), "0123456789ab")() is None
+        job()
+    job.alive.touch()
+    assert job() is None
     assert len(list(read_cells(tmp_path))) == 2
 
 
@@ -98,41 +88,27 @@ def test_a_killed_job_costs_time_and_changes_no_bit(
     no_slurm: None, ball_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(submitit_executor, "POLL_SECONDS", 0.05)
-    handles: list[Any] = []
-    submit = submitit_executor.executor
-
-    def kept(*given: Any) -> Any:
-        found = submit(*given)
-        ask = found.submit
-        found.submit = lambda *job: handles.append(ask(*job)) or handles[-1]
-        return found
-
-    monkeypatch.setattr(submitit_executor, "executor", kept)
     events: list[Event] = []
     killed = False
-    for event in run_by_submitit(tasks(ball_folder, tmp_path / "jobs", 1, SLOW_SCORES), "0123456789ab", 1, []):
+    for event in run_by_submitit(tasks(ball_folder, tmp_path / "jobs", 1, SLOW_SCORES), COMMIT, 1, []):
         events.append(event)
         if event.cell is not None and not killed:
             killed = True
-            _kill(handles[0].job_id)
-    (notice,) = [event.notice for event in events if event.notice is not None]
+            _kill_job_in(tmp_path / "jobs" / FOLDER)
+    told = Told(events)
+    (notice,) = told.notices
     assert notice.startswith("ball seed 0: job ")
     assert notice.endswith("; 1 cells are trained again")
-    told = [(event.cell.method, event.cell.seed) for event in events if event.cell is not None]
-    assert sorted(told) == [("nerf", 0), ("qnerf", 0)], "each cell once"
-    assert [event.share for event in events if event.share is not None][-1] == 1.0
+    assert told.cells == [("nerf", 0), ("qnerf", 0)], "each cell once"
+    assert told.shares[0][-1] == 1.0
     assert (tmp_path / "jobs" / FOLDER).is_dir(), "the logs of a lost job stay"
-
-    list(run_locally(tasks(ball_folder, tmp_path / "here", 1, SLOW_SCORES), 1))
-    for mine, theirs in zip(read_cells(tmp_path / "here"), read_cells(tmp_path / "jobs"), strict=True):
-        assert without_time(mine) == without_time(theirs)
-        assert theirs.provenance["commit"] == "0123456789ab"
-    ours = {name: data for name, data in files_of(tmp_path / "jobs").items() if not name.startswith(f"{FOLDER}/")}
-    assert ours == files_of(tmp_path / "here"), "weights and pictures, byte for byte"
+    require_the_bits_of_workers(ball_folder, tmp_path / "jobs", tmp_path / "here", 1)
 
 
-def _kill(controller: str) -> None:
-    """Kill the processes of a local job, the children of its controller."""
+def _kill_job_in(folder: Path) -> None:
+    """Kill the processes of the only job in the folder, the children of its controller."""
+    (submitted,) = folder.glob("*_submitted.pkl")
+    controller = submitted.name.partition("_")[0]
     children = Path(f"/proc/{controller}/task/{controller}/children").read_text(encoding="ascii").split()
     assert children
     for child in children:
@@ -149,7 +125,7 @@ def test_a_node_is_asked_before_a_run_and_leaves_nothing(no_slurm: None, tmp_pat
 
 @pytest.mark.slow
 def test_a_run_that_is_stopped_cancels_its_jobs(no_slurm: None, ball_folder: Path, tmp_path: Path) -> None:
-    going = run_by_submitit(tasks(ball_folder, tmp_path, 2, SLOW_SCORES), "0123456789ab", 1, [])
+    going = run_by_submitit(tasks(ball_folder, tmp_path, 2, SLOW_SCORES), COMMIT, 1, [])
     for event in going:
         if event.cell is not None:
             break

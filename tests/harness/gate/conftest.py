@@ -1,5 +1,5 @@
 """Fixtures of the gate's tests."""
 
-from tests.harness.gate.gate_runs import limits, measuring
+from tests.harness.gate.gate_runs import limits, measuring, stored
 
-__all__ = ["limits", "measuring"]
+__all__ = ["limits", "measuring", "stored"]

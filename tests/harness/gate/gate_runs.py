@@ -1,6 +1,7 @@
 """Limits, references and figures that make every gate pass, in place of measurements."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
 
@@ -11,14 +12,17 @@ from harness.command.main import main
 from harness.execution.progress import Quiet
 from harness.gate import early, fairness, gate_families, gate_speed, images
 from harness.gate.gate_context import REFERENCED, GateContext, complete
-from harness.gate.gates import KINDS, Gate, Kind, gates, settings_of
+from harness.gate.gates import KINDS, Gate, Kind, Scatter, gates, settings_of
 from harness.gate.limits import NONE_DIFFERS, KindFacts, Limit, LimitsFile, judge, read_stored, write_stored
 from harness.gate.quality import worse
+from harness.gate.quality.losses import Judge
 from harness.gate.references import REFERENCES_FILE, Course, Courses, Quotients, References
 from harness.machine.processor_class import class_here
 from harness.plan.run_plan import Machine
 from harness.records.study import Check
 
+GATES = Path(__file__).parents[3] / "gates"
+"""The committed limits and references."""
 CENTRE = 25.0
 LIMITED: tuple[Kind, ...] = ("families", "images")
 MODULES: dict[Kind, Any] = dict(
@@ -49,6 +53,18 @@ def references() -> References:
     )
 
 
+@pytest.fixture(scope="session")
+def stored() -> References:
+    """The committed references."""
+    return read_stored(GATES / REFERENCES_FILE, References)
+
+
+def usual_judge(stored: References, scatter: Scatter = "rounding") -> Judge:
+    """Return the judge of the first draw of each stored cell."""
+    cells = {key: {score: draws[0] for score, draws in scores.items()} for key, scores in stored.cells.items()}
+    return replace(Judge.of(stored, cells, has_changed=False), scatter=scatter)  # type: ignore[arg-type]
+
+
 @pytest.fixture
 def limits(tmp_path: Path) -> Path:
     file = tmp_path / "gates" / "limits.json"
@@ -64,12 +80,8 @@ def sound(gate: Gate, limits: LimitsFile, values: list[float | None] | None = No
     """Return the check of values within the limit of the gate's kind, or of the given values."""
     counts = gate.kind == "fairness" or gate.name in ("changed.settings", "worse.headline.statistics")
     limit = NONE_DIFFERS if counts else Limit(CENTRE - 1.0, CENTRE + 1.0)
-    return judge(
-        gate,
-        [0.0 if counts else CENTRE] * gate.new if values is None else values,
-        limits.limit_of(gate) if gate.kind in LIMITED else limit,
-        why,
-    )
+    values = [0.0 if counts else CENTRE] * gate.new if values is None else values
+    return judge(gate, values, limits.limit_of(gate) if gate.kind in LIMITED else limit, why)
 
 
 @pytest.fixture

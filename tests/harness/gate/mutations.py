@@ -28,7 +28,9 @@ from harness.training.scoring import evaluate
 ROOT = Path(__file__).parents[3]
 FILE = ROOT / "gates" / "mutations.json"
 MORE = 1.01
-Patch = pytest.MonkeyPatch
+TRAIN = profiles.PROFILES["reduced"].train
+Mutation = Callable[[pytest.MonkeyPatch], None]
+Change = Callable[[Any], Any]
 
 
 @dataclass(frozen=True)
@@ -43,170 +45,142 @@ class Row:
     """The largest deviation of the first steps in double precision."""
 
 
-def _scaled(patch: Patch, owner: Any, name: str) -> None:
-    """Scale a number of a module."""
-    patch.setattr(owner, name, MORE * getattr(owner, name))
+def changed(owner: Any, name: str, change: Change) -> Mutation:
+    """Return the mutation that changes an attribute."""
+    return lambda patch: patch.setattr(owner, name, change(getattr(owner, name)))
 
 
-def _result_scaled(patch: Patch, owner: Any, name: str) -> None:
+def more(number: float) -> float:
+    return MORE * number
+
+
+def more_result(usual: Change) -> Change:
     """Scale the result of a function."""
-    usual = getattr(owner, name)
-    patch.setattr(owner, name, lambda *given, **named: MORE * usual(*given, **named))
+    return lambda *given, **named: MORE * usual(*given, **named)
 
 
-def _argument(patch: Patch, owner: Any, name: str, place: int) -> None:
+def more_at(place: int) -> Change:
     """Scale an argument of a function or a constructor."""
-    usual = getattr(owner, name)
-
-    def changed(*given: Any, **named: Any) -> Any:
-        return usual(*given[:place], MORE * given[place], *given[place + 1 :], **named)
-
-    patch.setattr(owner, name, changed)
+    return lambda usual: (
+        lambda *given, **named: usual(*given[:place], MORE * given[place], *given[place + 1 :], **named)
+    )
 
 
-def _ladder(patch: Patch, name: str) -> None:
-    usual = composition.LADDERS[name]
-    patch.setitem(composition.LADDERS, name, replace(usual, base=MORE * usual.base))
+def more_of(record: Any, name: str) -> Any:
+    """Scale a field of a record."""
+    return replace(record, **{name: MORE * getattr(record, name)})
 
 
-def _after_init(patch: Patch, kind: Any, then: Callable[[Any], None]) -> None:
-    usual = kind.__init__
-
-    def init(self: Any, *given: Any, **named: Any) -> None:
-        usual(self, *given, **named)
-        with torch.no_grad():
-            then(self)
-
-    patch.setattr(kind, "__init__", init)
+def ladder(name: str) -> Mutation:
+    return lambda patch: patch.setitem(composition.LADDERS, name, more_of(composition.LADDERS[name], "base"))
 
 
-def _cameras(patch: Patch, side: str) -> None:
-    usual = evaluate.cameras_of
-
-    def moved(*given: Any) -> Any:
-        cameras = usual(*given)
-        return replace(cameras, **{side: MORE * getattr(cameras, side)})
-
-    patch.setattr(evaluate, "cameras_of", moved)
+def cameras(side: str) -> Mutation:
+    return changed(evaluate, "cameras_of", lambda usual: lambda *given: more_of(usual(*given), side))
 
 
-def _training(patch: Patch, **changed: Any) -> None:
-    """Change a setting of the default profile."""
+def training(**settings: Any) -> Mutation:
+    """Change settings of the default profile."""
     usual = profiles.PROFILES["reduced"]
-    patch.setitem(profiles.PROFILES, "reduced", replace(usual, train=replace(usual.train, **changed)))
+    return lambda patch: patch.setitem(profiles.PROFILES, "reduced", replace(usual, train=replace(TRAIN, **settings)))
 
 
-def _grid(patch: Patch, **changed: Any) -> None:
-    _training(patch, grid=replace(profiles.PROFILES["reduced"].train.grid, **changed))
+def betas(first: float, second: float) -> Mutation:
+    return training(optimiser=replace(TRAIN.optimiser, betas=(first, second)))
 
 
-def _network(patch: Patch, **changed: Any) -> None:
-    _training(patch, network=replace(profiles.PROFILES["reduced"].train.network, **changed))
+def after_init(kind: Any, then: Callable[[Any], None]) -> Mutation:
+    def change(usual: Change) -> Change:
+        def init(self: Any, *given: Any, **named: Any) -> None:
+            usual(self, *given, **named)
+            with torch.no_grad():
+                then(self)
+
+        return init
+
+    return changed(kind, "__init__", change)
 
 
-def _betas(patch: Patch, *betas: float) -> None:
-    _training(patch, optimiser=replace(TRAIN.optimiser, betas=betas))
+def own(kind: Any, name: str) -> Mutation:
+    """Scale an attribute that each instance of a class has."""
+    return after_init(kind, lambda self: setattr(self, name, MORE * getattr(self, name)))
 
 
-def _points(patch: Patch, random: float, middle: float) -> None:
+def points(random: float, middle: float) -> Mutation:
     def points_in_bins(t_edges: Tensor, generator: torch.Generator | None) -> Tensor:
         left, right = t_edges[:, :-1], t_edges[:, 1:]
         if generator is None:
             return torch.lerp(left, right, middle)
         return torch.lerp(left, right, random * torch.rand(left.shape, generator=generator, dtype=left.dtype))
 
-    patch.setattr(quadrature, "points_in_bins", points_in_bins)
+    return changed(quadrature, "points_in_bins", lambda usual: points_in_bins)
 
 
-def _clamp(normalised: Tensor, mean: Tensor, alpha: Tensor, beta: Tensor) -> Tensor:
+def clamp(normalised: Tensor, mean: Tensor, alpha: Tensor, beta: Tensor) -> Tensor:
     amplified = amplifier.amplify_about_mean(normalised, mean, alpha)
     return torch.clamp(amplified * torch.where(normalised > 0.5, beta, 1.0), 0.0, MORE)
 
 
-def _normalised(self: Box, x: Tensor) -> Tensor:
+def normalised(self: Box, x: Tensor) -> Tensor:
     return (x - 0.5 * (self.lower + self.upper)) / (MORE * 0.5 * (self.upper - self.lower).max())
 
 
-TRAIN = profiles.PROFILES["reduced"].train
-BETAS = TRAIN.optimiser.betas
-MUTATIONS: dict[tuple[str, str, str], Callable[[Patch], None]] = {
-    ("encoding", "base φ", "× 1.01"): lambda patch: _ladder(patch, "phi"),
-    ("encoding", "base 2", "× 1.01"): lambda patch: _ladder(patch, "base2"),
-    ("encoding", "π", "× 1.01"): lambda patch: _result_scaled(patch, encoding, "_angular_frequencies"),
-    ("encoding", "half extent of the box", "× 1.01"): lambda patch: patch.setattr(Box, "normalised", _normalised),
-    ("encoding", "bands of directions", "4 → 5"): lambda patch: _network(patch, direction_bands=5),
-    ("density", "unit", "× 1.01"): lambda patch: _result_scaled(patch, composition.Parts, "density_unit"),
-    ("density", "shift before softplus", "× 1.01"): lambda patch: patch.setitem(
+def default_share(update: Change) -> Change:
+    """Scale the default of a parameter."""
+    share = {"share": MORE * held_mean.MEAN_SHARE}
+    return lambda self, *given, **named: update(self, *given, **(named if given or named else share))
+
+
+CHANGES = {"bands of directions": "4 → 5", "bins a ray": "+ 1", "background": "÷ 1.01"}
+"""All other constants are multiplied by 1.01."""
+OF_CONSTANTS: dict[tuple[str, str], Mutation] = {
+    ("encoding", "base φ"): ladder("phi"),
+    ("encoding", "base 2"): ladder("base2"),
+    ("encoding", "π"): changed(encoding, "_angular_frequencies", more_result),
+    ("encoding", "half extent of the box"): changed(Box, "normalised", lambda usual: normalised),
+    ("encoding", "bands of directions"): training(network=replace(TRAIN.network, direction_bands=5)),
+    ("density", "unit"): changed(composition.Parts, "density_unit", more_result),
+    ("density", "shift before softplus"): lambda patch: patch.setitem(
         amplifiers.AMPLIFIERS, "none", lambda start: amplifiers.NoAmplifier(start and MORE * start)
     ),
-    ("amplifier", "φ of Eq. 4", "× 1.01"): lambda patch: _scaled(patch, amplifier, "PHI"),
-    ("amplifier", "first α", "× 1.01"): lambda patch: _after_init(
-        patch, amplifiers.Listing2Amplifier, lambda self: self.alpha.mul_(MORE)
+    ("amplifier", "φ of Eq. 4"): changed(amplifier, "PHI", more),
+    ("amplifier", "first α"): after_init(amplifiers.Listing2Amplifier, lambda self: self.alpha.mul_(MORE)),
+    ("amplifier", "first β"): after_init(amplifiers.Listing2Amplifier, lambda self: self.beta.mul_(MORE)),
+    ("amplifier", "threshold of β"): changed(
+        amplifiers, "amplify_listing2", lambda usual: partial(usual, threshold=0.5 * MORE)
     ),
-    ("amplifier", "first β", "× 1.01"): lambda patch: _after_init(
-        patch, amplifiers.Listing2Amplifier, lambda self: self.beta.mul_(MORE)
-    ),
-    ("amplifier", "threshold of β", "× 1.01"): lambda patch: patch.setattr(
-        amplifiers, "amplify_listing2", partial(amplifier.amplify_listing2, threshold=0.5 * MORE)
-    ),
-    ("amplifier", "upper limit of the clamp", "× 1.01"): lambda patch: patch.setattr(
-        amplifiers, "amplify_listing2", _clamp
-    ),
-    ("amplifier", "share by which a held mean moves", "× 1.01"): lambda patch: _held_mean(patch),
-    ("weights", "bound of the first weights", "× 1.01"): lambda patch: _argument(patch, contract, "uniform_weights", 1),
-    ("optimiser", "learning rate", "× 1.01"): lambda patch: _argument(patch, trainer, "learning_rate", 2),
-    ("optimiser", "last learning rate", "× 1.01"): lambda patch: _argument(patch, trainer, "learning_rate", 3),
-    ("optimiser", "steps of the warm-up", "× 1.01"): lambda patch: _argument(patch, trainer, "learning_rate", 4),
-    ("optimiser", "SOAP's β₁", "× 1.01"): lambda patch: _betas(patch, MORE * BETAS[0], BETAS[1]),
-    ("optimiser", "SOAP's 1 − β₂", "× 1.01"): lambda patch: _betas(patch, BETAS[0], 1.0 - MORE * (1.0 - BETAS[1])),
-    ("optimiser", "SOAP's ε", "× 1.01"): lambda patch: _scaled(patch, soap, "EPSILON"),
-    ("optimiser", "least eigenvalue of SOAP's factors", "× 1.01"): lambda patch: _scaled(patch, soap, "LEAST"),
-    ("optimiser", "norm that is clipped to", "× 1.01"): lambda patch: _after_init(
-        patch, Clipping, lambda self: setattr(self, "norm", MORE * self.norm)
-    ),
-    ("optimiser", "multiple of the usual norm", "× 1.01"): lambda patch: _after_init(
-        patch, Clipping, lambda self: setattr(self, "ratio", MORE * self.ratio)
-    ),
-    ("optimiser", "power of the mean of the weights", "× 1.01"): lambda patch: _training(
-        patch, average=MORE * TRAIN.average
-    ),
-    ("sampling", "near", "× 1.01"): lambda patch: _cameras(patch, "near"),
-    ("sampling", "far", "× 1.01"): lambda patch: _cameras(patch, "far"),
-    ("sampling", "bins a ray", "+ 1"): lambda patch: _training(
-        patch, bins=TRAIN.bins + 1, first_bins=TRAIN.first_bins + 1
-    ),
-    ("sampling", "random place in a bin", "× 1.01"): lambda patch: _points(patch, MORE, 0.5),
-    ("sampling", "exploration", "× 1.01"): lambda patch: _grid(patch, exploration=MORE * TRAIN.grid.exploration),
-    ("sampling", "occupancy threshold", "× 1.01"): lambda patch: _argument(patch, trainer, "OccupancyGrid", 2),
-    ("sampling", "share of the rays through covered pixels", "× 1.01"): lambda patch: _training(
-        patch, covered_share=MORE * TRAIN.covered_share
-    ),
-    ("sampling", "depth that hides what is behind", "× 1.01"): lambda patch: _scaled(patch, occupancy, "HIDDEN"),
-    ("sampling", "decay of the occupancy", "× 1.01"): lambda patch: _scaled(patch, occupancy, "DECAY"),
-    ("quadrature", "middle of a bin", "× 1.01"): lambda patch: _points(patch, 1.0, 0.5 * MORE),
-    ("quadrature", "optical depth", "× 1.01"): lambda patch: _depth(patch),
-    ("quadrature", "transmittance that ends a ray", "× 1.01"): lambda patch: _scaled(patch, rendering, "OPAQUE"),
-    ("compositing", "background", "÷ 1.01"): lambda patch: _after_init(
-        patch, trainer.Trainer, lambda self: setattr(self, "background", self.background / MORE)
+    ("amplifier", "upper limit of the clamp"): changed(amplifiers, "amplify_listing2", lambda usual: clamp),
+    ("amplifier", "share by which a held mean moves"): changed(held_mean.RunningMean, "update", default_share),
+    ("weights", "bound of the first weights"): changed(contract, "uniform_weights", more_at(1)),
+    ("optimiser", "learning rate"): changed(trainer, "learning_rate", more_at(2)),
+    ("optimiser", "last learning rate"): changed(trainer, "learning_rate", more_at(3)),
+    ("optimiser", "steps of the warm-up"): changed(trainer, "learning_rate", more_at(4)),
+    ("optimiser", "SOAP's β₁"): betas(MORE * TRAIN.optimiser.betas[0], TRAIN.optimiser.betas[1]),
+    ("optimiser", "SOAP's 1 − β₂"): betas(TRAIN.optimiser.betas[0], 1.0 - MORE * (1.0 - TRAIN.optimiser.betas[1])),
+    ("optimiser", "SOAP's ε"): changed(soap, "EPSILON", more),
+    ("optimiser", "least eigenvalue of SOAP's factors"): changed(soap, "LEAST", more),
+    ("optimiser", "norm that is clipped to"): own(Clipping, "norm"),
+    ("optimiser", "multiple of the usual norm"): own(Clipping, "ratio"),
+    ("optimiser", "power of the mean of the weights"): training(average=MORE * TRAIN.average),
+    ("sampling", "near"): cameras("near"),
+    ("sampling", "far"): cameras("far"),
+    ("sampling", "bins a ray"): training(bins=TRAIN.bins + 1, first_bins=TRAIN.first_bins + 1),
+    ("sampling", "random place in a bin"): points(MORE, 0.5),
+    ("sampling", "exploration"): training(grid=more_of(TRAIN.grid, "exploration")),
+    ("sampling", "occupancy threshold"): changed(trainer, "OccupancyGrid", more_at(2)),
+    ("sampling", "share of the rays through covered pixels"): training(covered_share=MORE * TRAIN.covered_share),
+    ("sampling", "depth that hides what is behind"): changed(occupancy, "HIDDEN", more),
+    ("sampling", "decay of the occupancy"): changed(occupancy, "DECAY", more),
+    ("quadrature", "middle of a bin"): points(1.0, 0.5 * MORE),
+    # the function that the rules call, as the rules themselves are bound
+    ("quadrature", "optical depth"): changed(quadrature, "_of_depth", more_at(0)),
+    ("quadrature", "transmittance that ends a ray"): changed(rendering, "OPAQUE", more),
+    ("compositing", "background"): after_init(
+        trainer.Trainer, lambda self: setattr(self, "background", self.background / MORE)
     ),
 }
-"""(part of the program, constant, change) → the function that makes it."""
-
-
-def _held_mean(patch: Patch) -> None:
-    """Scale the default of a parameter."""
-    usual = held_mean.RunningMean.update
-    share = MORE * held_mean.MEAN_SHARE
-
-    def update(self: held_mean.RunningMean, *given: Any, **named: Any) -> None:
-        usual(self, *given, **(named if given or named else {"share": share}))
-
-    patch.setattr(held_mean.RunningMean, "update", update)
-
-
-def _depth(patch: Patch) -> None:
-    """Scale the argument of a function that the rules call, as the rules themselves are bound."""
-    _argument(patch, quadrature, "_of_depth", 0)
+MUTATIONS = {(part, name, CHANGES.get(name, "× 1.01")): change for (part, name), change in OF_CONSTANTS.items()}
+"""(part of the program, constant, change) → its mutation."""
 
 
 def seen(usual: Courses, key: tuple[str, str, str], names: tuple[str, ...] = tuple(STARTS)) -> Row:
@@ -215,9 +189,9 @@ def seen(usual: Courses, key: tuple[str, str, str], names: tuple[str, ...] = tup
     with pytest.MonkeyPatch.context() as patch:
         MUTATIONS[key](patch)
         found_by = ["changed.settings"] if early.profile_settings() != settings else []
-        changed = early.courses(names)
+        mutated = early.courses(names)
     sizes = {}
-    for precision, courses in changed.items():
+    for precision, courses in mutated.items():
         for start, course in courses.items():
             size = sizes[precision, start] = early.deviation(course, usual[precision][start])[0] or 0.0
             if size > TOLERANCES[precision]:

@@ -2,8 +2,6 @@
 
 import json
 import re
-from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,20 +9,20 @@ import numpy as np
 from harness.gate import gate_speed
 from harness.gate.gates import FALSE_ALARMS, LOSS_OF_ONE, LOSS_OVER_ALL, SLOWER_FOUND, Scatter
 from harness.gate.limits import KindFacts, LimitsFile, read_stored
-from harness.gate.quality.losses import FIGURES, SINGLE, Judge
+from harness.gate.quality.losses import FIGURES, SINGLE
 from harness.gate.references import REFERENCES_FILE, References, rank_line
+from tests.harness.gate.gate_runs import GATES, usual_judge
 
-ROOT = Path(__file__).parents[3]
-PAGE = ROOT / "docs" / "gate-your-ci.md"
+PAGE = GATES.parent / "docs" / "gate-your-ci.md"
 COLUMNS: dict[Scatter, str] = {"rounding": "same random numbers", "seeds": "other random numbers"}
 
 
 def tables() -> dict[str, str]:
     """Return name of a marker → the text between it and its end."""
-    mutations = json.loads((ROOT / "gates" / "mutations.json").read_text(encoding="utf-8"))
-    rank = json.loads((ROOT / "gates" / "rank.json").read_text(encoding="utf-8"))
-    stored = read_stored(ROOT / "gates" / REFERENCES_FILE, References)
-    limits = read_stored(ROOT / "gates" / "limits.json", LimitsFile)
+    files = [GATES / "mutations.json", GATES / "rank.json"]
+    mutations, rank = (json.loads(file.read_text(encoding="utf-8")) for file in files)
+    stored = read_stored(GATES / REFERENCES_FILE, References)
+    limits = read_stored(GATES / "limits.json", LimitsFile)
     return {
         "spread": spread_table(stored),
         "renewal": renewal(stored, limits),
@@ -35,11 +33,8 @@ def tables() -> dict[str, str]:
 
 def spread_table(stored: References) -> str:
     """Return the table of scatter, limits and detected losses, for rounding and for other seeds."""
-    cells = {key: {score: draws[0] for score, draws in scores.items()} for key, scores in stored.cells.items()}
-    usual = Judge.of(stored, cells, has_changed=False)  # type: ignore[arg-type]
-    judges = [replace(usual, scatter=scatter) for scatter in COLUMNS]
     rows: dict[str, list[str]] = {}
-    for judge in judges:
+    for judge in (usual_judge(stored, scatter) for scatter in COLUMNS):
         over_all, alarms = judge.error(FIGURES["worse.all.psnr"]), judge.alarms
         ones = [judge.error(gate) for gate in SINGLE]
         chances, sizes = [e.power(LOSS_OF_ONE, alarms) for e in ones], [e.detects(alarms) for e in ones]

@@ -2,7 +2,6 @@
 
 import json
 import math
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -11,18 +10,11 @@ from torch import Tensor
 from baselines import field
 from harness.gate import early
 from harness.gate.gates import TOLERANCES
-from harness.gate.limits import read_stored
-from harness.gate.references import REFERENCES_FILE, Course, Courses, References
+from harness.gate.references import Course, Courses, References
 from tests.harness.gate import page
 from tests.harness.gate.mutations import FILE, MUTATIONS, seen
 
-ROOT = Path(__file__).parents[3]
 TWO = ("nerf", "qnerf")
-
-
-@pytest.fixture(scope="module")
-def stored() -> References:
-    return read_stored(ROOT / "gates" / REFERENCES_FILE, References)
 
 
 @pytest.fixture(scope="module")
@@ -50,13 +42,12 @@ def test_sums_in_another_order_are_within_tolerance(usual: Courses, monkeypatch:
     assert farthest(reordered, usual, "single") > 0.0, "it is another order"
 
 
-def test_every_processor_gives_the_stored_first_steps(usual: Courses, stored: References) -> None:
+def test_every_processor_gives_the_stored_first_steps_of_the_stored_settings(
+    usual: Courses, stored: References
+) -> None:
+    assert early.profile_settings() == stored.profiles
     for precision, tolerance in TOLERANCES.items():
         assert farthest(usual, stored.courses, precision) <= tolerance, precision
-
-
-def test_every_setting_of_the_profiles_is_the_stored_one(stored: References) -> None:
-    assert early.profile_settings() == stored.profiles
 
 
 @pytest.mark.parametrize("part", ["base φ", "learning rate", "optical depth", "background"])

@@ -5,14 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.command import gate_command
 from harness.command.main import main
 from harness.gate import early, images
 from harness.gate.images import Renders
 from harness.records.study import read_studies
+from tests.harness.gate.gate_runs import GATES as STORED
 from tests.harness.gate.mutations import MUTATIONS
+from tests.harness.patching import changed
 
-ROOT = Path(__file__).parents[3]
 GATES = ("changed.double.nerf", "images.materials", "fairness.first_weights", "fairness.copies.nerf")
 
 
@@ -22,21 +22,20 @@ def test_sound_code_passes_and_broken_code_does_not(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def gate(out: str, *names: str) -> int:
-        places = ["--limits", str(ROOT / gate_command.LIMITS), "--view-sets", str(tmp_path / "view_sets")]
+        places = ["--limits", str(STORED / "limits.json"), "--view-sets", str(tmp_path / "view_sets")]
         return main(["gate", "--only", *names, *places, "--out", str(tmp_path / out)])
 
     assert gate("sound", *GATES) == 0, capsys.readouterr().out
     assert (tmp_path / "sound" / "junit.xml").exists()
     assert sorted(file.name for file in (tmp_path / "sound").iterdir()) == ["gate.json", "junit.xml"]
 
-    rendered = images.rendered
     monkeypatch.setattr(early, "in_child", lambda function, *given: function(*given))
     MUTATIONS["optimiser", "learning rate", "× 1.01"](monkeypatch)
 
-    def brighter(*given: object) -> Renders:
-        return {scene: image * np.array([1.002, 1.002, 1.002, 1.0]) for scene, image in rendered(*given).items()}  # type: ignore[arg-type]
+    def brighter(renders: Renders, *_: object) -> Renders:
+        return {scene: image * np.array([1.002, 1.002, 1.002, 1.0]) for scene, image in renders.items()}
 
-    monkeypatch.setattr(images, "rendered", brighter)
+    changed(monkeypatch, images, "rendered", brighter)
     assert gate("broken", *GATES) == 4
     failed = {check.id for _, check in read_studies(tmp_path / "broken" / "gate.json").broken}
     assert {"changed.double.nerf", "images.materials.bias"} <= failed

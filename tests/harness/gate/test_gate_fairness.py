@@ -19,6 +19,7 @@ from scenes.files.errors import InputError
 from scenes.view_sets.view_set import ViewSet
 from tests.harness.cells import cell, checkpoint
 from tests.harness.gate.gate_runs import CENTRE, context_of
+from tests.harness.patching import preceded
 
 Patch = pytest.MonkeyPatch
 METHODS = ("nerf", "qnerf")
@@ -85,14 +86,11 @@ def test_copies_end_bit_for_bit_alike(method: str, views: ViewSet, tmp_path: Pat
 
 
 def test_a_copy_that_does_not_end_is_nothing_to_compare(views: ViewSet, tmp_path: Path, monkeypatch: Patch) -> None:
-    usual = fairness.learner_for
-
-    def failing(job: Job) -> Any:
+    def failing(job: Job) -> None:
         if job.method.startswith("another"):
             raise RuntimeError("broken")
-        return usual(job)
 
-    monkeypatch.setattr(fairness, "learner_for", failing)
+    preceded(monkeypatch, fairness, "learner_for", failing)
     assert copied("nerf", views, tmp_path)[0] is None
 
 
@@ -104,28 +102,25 @@ def cells(seeds: tuple[int, ...], psnr: float = CENTRE, **others: object) -> lis
     return [structs.replace(one, scores={"psnr": psnr}, **others) for one in made]
 
 
-def checks(limits: Path, monkeypatch: Patch, trained: list[CellRecord]) -> dict[str, Check]:
-    monkeypatch.setattr(gate_families, "trained", lambda *given, **named: trained)
-    chosen = tuple(gate for gate in gates() if gate.kind == "families")
-    found = gate_families.measure(context_of(chosen, limits))
-    return {check.id: check for check in found if isinstance(check, Check)}
-
-
-def test_a_family_within_the_spread_of_seeds_passes_and_a_worse_one_fails(limits: Path, monkeypatch: Patch) -> None:
-    assert {check.status for check in checks(limits, monkeypatch, cells(FAMILY_SEEDS)).values()} == {"pass"}
-    found = checks(limits, monkeypatch, cells(FAMILY_SEEDS, CENTRE - 1.0))
-    assert set(found) == {f"families.{name}" for name in FAMILIES}
-    assert {check.status for check in found.values()} == {"fail"}
-
-
-def test_what_diverged_fails_with_its_reason_and_what_cannot_run_here_is_not_available(
-    limits: Path, monkeypatch: Patch
+@pytest.mark.parametrize(
+    ("psnr", "others", "status", "why"),
+    [
+        (CENTRE, {}, "pass", "detects"),
+        (CENTRE - 1.0, {}, "fail", "detects"),
+        (CENTRE, {"status": "diverged", "reason": "step 3: loss"}, "fail", "step 3: loss"),
+        (CENTRE, {"status": "not_available", "reason": "needs LLVM"}, "not_available", "needs LLVM"),
+    ],
+)
+def test_a_family_is_held_to_the_spread_of_seeds_and_fails_with_its_reason_unless_it_cannot_run_here(
+    psnr: float, others: dict[str, str], status: str, why: str, limits: Path, monkeypatch: Patch
 ) -> None:
-    diverged = checks(limits, monkeypatch, cells(FAMILY_SEEDS, status="diverged", reason="step 3: loss"))
-    assert {(check.status, check.why.split(";")[0]) for check in diverged.values()} == {("fail", "step 3: loss")}
-    missing = checks(limits, monkeypatch, cells(FAMILY_SEEDS, status="not_available", reason="needs LLVM"))
-    assert {check.status for check in missing.values()} == {"not_available"}
-    assert not any(check.is_broken for check in missing.values())
+    monkeypatch.setattr(gate_families, "trained", lambda *given, **named: cells(FAMILY_SEEDS, psnr, **others))
+    chosen = tuple(gate for gate in gates() if gate.kind == "families")
+    checks = [check for check in gate_families.measure(context_of(chosen, limits)) if isinstance(check, Check)]
+    assert [check.id for check in checks] == [f"families.{name}" for name in FAMILIES]
+    for check in checks:
+        assert (check.status, check.is_broken) == (status, status == "fail")
+        assert check.why.startswith(why)
 
 
 def test_limits_are_made_of_trainings_that_ended(limits: Path, monkeypatch: Patch) -> None:
@@ -135,7 +130,4 @@ def test_limits_are_made_of_trainings_that_ended(limits: Path, monkeypatch: Patc
     monkeypatch.setattr(gate_families, "trained", lambda *given, **named: cells(FAMILY_RENEWAL, status="diverged"))
     with pytest.raises(InputError, match="trainings that did not end"):
         gate_families.renew(context)
-
-
-def test_no_seed_of_a_gate_is_one_of_its_limits() -> None:
-    assert not set(FAMILY_SEEDS) & set(FAMILY_RENEWAL)
+    assert not set(FAMILY_SEEDS) & set(FAMILY_RENEWAL), "no seed of a gate is one of its limits"

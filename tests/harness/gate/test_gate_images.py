@@ -16,6 +16,7 @@ from scenes.view_sets.images import read_image
 
 SIZE, SPP, REFERENCE_RENDERS = 24, 256, 96
 SCENES = ("lego", "drums")
+WHITE = np.array([1.0, 1.0, 1.0, 0.0])
 GATES = tuple(
     gate for gate in gates() if gate.kind == "images" and (gate.name.split(".")[1] in SCENES or "all" in gate.name)
 )
@@ -67,24 +68,18 @@ def fresh(stream: int) -> Renders:
     return {scene: renders(number, IMAGE_BATCHES, 100 + stream) for number, scene in enumerate(SCENES)}
 
 
-def with_fireflies(shown: Renders) -> Renders:
+def with_fireflies(image: np.ndarray) -> np.ndarray:
     """Add white to 0.01 % of the pixels of all renders."""
     generator = np.random.default_rng(7)
-    brighter = {}
-    for scene, image in shown.items():
-        struck = generator.uniform(size=image.shape[:3]) < 1e-4
-        struck.ravel()[generator.integers(struck.size)] = True
-        brighter[scene] = image + struck[..., None] * np.array([1.0, 1.0, 1.0, 0.0])
-    return brighter
+    struck = generator.uniform(size=image.shape[:3]) < 1e-4
+    struck.ravel()[generator.integers(struck.size)] = True
+    return image + struck[..., None] * WHITE
 
 
-def with_bright_samples(shown: Renders) -> Renders:
+def with_bright_samples(image: np.ndarray) -> np.ndarray:
     """Make 0.01 % of all samples 100 times white: each adds 100 / spp to its pixel."""
-    generator = np.random.default_rng(8)
-    return {
-        scene: image + generator.binomial(SPP, 1e-4, image.shape[:3])[..., None] * np.array([1, 1, 1, 0]) * 100 / SPP
-        for scene, image in shown.items()
-    }
+    samples = np.random.default_rng(8).binomial(SPP, 1e-4, image.shape[:3])
+    return image + samples[..., None] * WHITE * 100 / SPP
 
 
 def each(change: Callable[[np.ndarray], np.ndarray], scenes: tuple[str, ...] = SCENES) -> Callable[[Renders], Renders]:
@@ -116,8 +111,8 @@ def test_what_is_unchanged_passes(references: dict[str, Reference], limits: dict
         (each(lambda image: image * np.array([0.998, 0.998, 0.998, 1.0])), "bias"),
         (shifted, "pixels"),
         (each(lambda image: np.roll(image, 1, axis=1), SCENES[:1]), "pixels"),
-        (with_fireflies, "largest"),
-        (with_bright_samples, "largest"),
+        (each(with_fireflies), "largest"),
+        (each(with_bright_samples), "largest"),
         *((each(with_a_nan, SCENES[:1]), test) for test in ("bias", "pixels", "largest")),
         (all_alike, "pixels"),
     ],

@@ -1,7 +1,5 @@
-"""Speed gates: ratios from a clock that the test controls."""
+"""Speed gates: a ratio from a clock that the test controls, and limits from the stored quotients."""
 
-import math
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,76 +10,45 @@ from msgspec import structs
 from harness.gate import gate_speed
 from harness.gate.gate_context import GateContext
 from harness.gate.gates import SLOWER_FOUND, SPEED_REPEATS, gates
-from harness.gate.limits import KindFacts, judge, read_stored
-from harness.gate.references import REFERENCES_FILE, References
+from harness.gate.limits import KindFacts, judge
+from harness.gate.references import References
 from harness.machine.processor_class import class_here
 from harness.records.study import Check
 from scenes.view_sets.view_set import ViewSet
 from tests.harness.gate.gate_runs import context_of
 
 GATES = {gate.name: gate for gate in gates() if gate.kind == "speed"}
-STORED = read_stored(Path(__file__).parents[3] / "gates" / REFERENCES_FILE, References).speed
 
 
-class Machine:
-    """A clock that advances with the work, not with time."""
-
-    def __init__(self) -> None:
-        self.now = 0.0
-        self.load = 1.0
-
-    def clock(self) -> float:
-        return self.now
-
-    def work(self, seconds: float) -> Callable[[], object]:
-        def call() -> None:
-            self.now += seconds * self.load
-
-        return call
-
-
-@pytest.fixture
-def machine() -> Machine:
-    return Machine()
-
-
-def test_a_ratio_is_of_the_plain_code_whatever_the_machine_does(machine: Machine) -> None:
-    assert gate_speed.ratio(machine.work(0.025), machine.work(0.010), machine.clock) == pytest.approx(2.5)
-    machine.load = 7.0
-    assert gate_speed.ratio(machine.work(0.025), machine.work(0.010), machine.clock) == pytest.approx(2.5)
-
-
-def test_a_few_disturbed_repetitions_do_not_count(machine: Machine) -> None:
-    calls = 0
+def test_a_ratio_is_of_the_plain_code_and_a_few_disturbed_repetitions_do_not_count() -> None:
+    now, calls = 0.0, 0
 
     def side() -> None:
-        nonlocal calls
+        nonlocal now, calls
         calls += 1
-        machine.now += 0.5 if calls % 4 == 0 else 0.025
+        now += 0.5 if calls % 4 == 0 else 0.025
 
-    assert gate_speed.ratio(side, machine.work(0.010), machine.clock) == pytest.approx(2.5)
+    def plain() -> None:
+        nonlocal now
+        now += 0.010
+
+    assert gate_speed.ratio(side, plain, lambda: now) == pytest.approx(2.5)
     assert calls > SPEED_REPEATS
 
 
-@pytest.mark.parametrize(
-    ("of_class", "name"), [(kind, name) for kind, stored in STORED.items() for name in stored.gates]
-)
-def test_one_and_a_half_times_as_long_fails_by_the_stored_spread(of_class: str, name: str) -> None:
-    """At least nine of ten slower runs fail, and at least nine of ten unchanged runs pass."""
-    gate, ratios = GATES[name], STORED[of_class].gates[name]
-    limit = gate_speed.limit_of(ratios)
-    assert limit.detects <= SLOWER_FOUND
+def test_one_and_a_half_times_as_long_fails_by_the_stored_spread(stored: References) -> None:
+    """At least nine of ten slower runs fail, and at least nine of ten unchanged runs pass; faster is welcome."""
     generator = np.random.default_rng(0)
-    failed = {factor: 0 for factor in (1.0, SLOWER_FOUND)}
-    for factor in failed:
-        for noise in limit.spread * generator.standard_normal(500):  # type: ignore[operator]
-            failed[factor] += judge(gate, [factor * math.exp(noise)], limit).is_broken
-    assert failed[1.0] < 50
-    assert failed[SLOWER_FOUND] > 450
-
-
-def test_faster_is_welcome() -> None:
-    assert gate_speed.limit_of([2.4, 2.5, 2.6]).low is None
+    of_classes = [(name, ratios) for speed in stored.speed.values() for name, ratios in speed.gates.items()]
+    assert of_classes
+    for name, ratios in of_classes:
+        limit = gate_speed.limit_of(ratios)
+        assert limit.low is None
+        assert limit.detects <= SLOWER_FOUND, name
+        noise = np.exp(limit.spread * generator.standard_normal(500))
+        for factor, least, most in ((1.0, 0, 49), (SLOWER_FOUND, 451, 500)):
+            failed = sum(judge(GATES[name], [factor * float(one)], limit).is_broken for one in noise)
+            assert least <= failed <= most, (name, factor)
 
 
 def test_a_class_without_a_quotient_is_not_available_and_says_how_to_make_one(

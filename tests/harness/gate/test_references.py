@@ -9,7 +9,6 @@ import pandas as pd
 import pytest
 from msgspec import structs
 
-from harness.command import gate_command
 from harness.command.main import main
 from harness.gate import gate_run, gate_speed
 from harness.gate.gate_context import REFERENCED
@@ -20,8 +19,6 @@ from harness.machine.provenance import committed
 from scenes.files.errors import InputError
 from tests.harness.gate.gate_runs import gate_line, references
 from tests.harness.shell import refused
-
-ROOT = Path(__file__).parents[3]
 
 
 def test_a_renewal_writes_what_it_measured_and_of_which_commit(
@@ -45,32 +42,25 @@ def test_a_renewal_writes_what_it_measured_and_of_which_commit(
     assert "speed: renewed in" in capsys.readouterr().out
 
 
-@pytest.fixture
-def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return a checkout with one commit."""
+def test_references_are_of_committed_code_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("GIT_AUTHOR", "GIT_COMMITTER"):
         monkeypatch.setenv(f"{name}_NAME", "name")
         monkeypatch.setenv(f"{name}_EMAIL", "name@example.org")
-    folder = tmp_path / "checkout"
+    checkout = tmp_path / "checkout"
+    (checkout / "gates").mkdir(parents=True)
     for file in ("code.py", "gates/limits.json"):
-        (folder / file).parent.mkdir(parents=True, exist_ok=True)
-        (folder / file).write_text("1")
+        (checkout / file).write_text("1")
     for words in (["init", "-q"], ["add", "."], ["commit", "-q", "-m", "first"]):
-        subprocess.run(["git", *words], cwd=folder, check=True)
-    return folder
-
-
-def test_references_are_of_committed_code_only(checkout: Path, tmp_path: Path) -> None:
+        subprocess.run(["git", *words], cwd=checkout, check=True)
     name = committed(checkout)
     assert len(name) == 12
     (checkout / "gates" / "limits.json").write_text("2")
     assert committed(checkout / "gates") == name, "what a renewal of another kind has written"
-    for file in ("code.py", "more.py"):
-        before = (checkout / file).read_text() if (checkout / file).exists() else None
+    for file in ("more.py", "code.py"):
         (checkout / file).write_text("3")
         with pytest.raises(InputError, match=f"of committed code only; commit or remove {file}$"):
             committed(checkout)
-        (checkout / file).unlink() if before is None else (checkout / file).write_text(before)
+        (checkout / "more.py").unlink(missing_ok=True)
     with pytest.raises(InputError, match="git knows no commit here"):
         committed(tmp_path)
 
@@ -88,13 +78,12 @@ def test_a_renewal_of_changed_code_is_refused_before_anything_is_written(
     assert not out.exists()
 
 
-def test_the_committed_references_are_of_these_gates() -> None:
-    stored = read_stored(ROOT / gate_command.LIMITS.parent / REFERENCES_FILE, References)
-    assert [unfit(kind, stored.kinds) for kind in REFERENCED] == ["", ""]
-    assert [unfit("speed", {"speed": speed.facts}) for speed in stored.speed.values()] == [""] * len(stored.speed)
+def test_the_committed_references_are_of_these_gates(stored: References) -> None:
     of_speed = [speed.facts for speed in stored.speed.values()]
-    commits = [facts.provenance["commit"] for facts in (*stored.kinds.values(), *of_speed)]
-    assert [commit for commit in commits if not re.fullmatch("[0-9a-f]{12}", commit)] == []
+    assert {unfit(kind, stored.kinds) for kind in REFERENCED} == {""}
+    assert {unfit("speed", {"speed": facts}) for facts in of_speed} == {""}
+    for facts in (*stored.kinds.values(), *of_speed):
+        assert re.fullmatch("[0-9a-f]{12}", facts.provenance["commit"])
 
 
 OURS = {("lego", "nerf"): 20.0, ("lego", "qnerf"): 18.0, ("hotdog", "nerf"): 25.0, ("hotdog", "qnerf"): 26.0}
@@ -117,25 +106,20 @@ def test_the_same_order_the_reverse_and_one_pair_that_changed_places(
     assert ranks(both) == {"spearman": spearman, "kendall": kendall, "pairs": 4, "compared": 2, "same_order": same}
 
 
-def summary(folder: Path, scale: float = 1.0) -> Path:
-    cells = [
-        {"scene": scene, "method": method, "seed": seed, "status": "done", "psnr": scale * value}
-        for (scene, method), value in OURS.items()
-        for seed in (0, 1)
-    ]
-    cells.append({"scene": "lego", "method": "nerf", "seed": 2, "status": "diverged", "psnr": None})
-    folder.mkdir()
-    data = {"profile": "reduced", "provenance": {"commit": "abc"}, "cells": cells}
-    (folder / "summary.json").write_text(json.dumps(data))
-    return folder
-
-
 def test_a_run_is_compared_and_published(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     cells = {f"{scene}/{method}/1000": {"psnr": [value]} for (scene, method), value in OURS.items()}
     write_stored(tmp_path / REFERENCES_FILE, References(cells=cells))
-    run = summary(tmp_path / "run", scale=1.5)
-    words = publish(run, tmp_path)
-    assert "Spearman 1.00, Kendall 1.00 over 4 pairs" in words
+    ended = [
+        {"scene": scene, "method": method, "seed": seed, "status": "done", "psnr": 1.5 * value}
+        for (scene, method), value in OURS.items()
+        for seed in (0, 1)
+    ]
+    lost = {"scene": "lego", "method": "nerf", "seed": 2, "status": "diverged", "psnr": None}
+    data = {"profile": "reduced", "provenance": {"commit": "abc"}, "cells": [*ended, lost]}
+    run = tmp_path / "run"
+    run.mkdir()
+    (run / "summary.json").write_text(json.dumps(data))
+    assert "Spearman 1.00, Kendall 1.00 over 4 pairs" in publish(run, tmp_path)
     data = json.loads((tmp_path / RANK_FILE).read_text())
     assert data["run"] == {"profile": "reduced", "commit": "abc"}
     assert data["scores"][0] == {"scene": "hotdog", "method": "nerf", "gate": 25.0, "run": 37.5}

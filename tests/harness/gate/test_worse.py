@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from msgspec.structs import force_setattr, replace
+from msgspec.structs import force_setattr
 
 from harness.gate import early
 from harness.gate.gates import (
@@ -20,18 +20,20 @@ from harness.gate.gates import (
     gates,
     settings_of,
 )
-from harness.gate.limits import KindFacts, read_stored
+from harness.gate.limits import KindFacts
 from harness.gate.quality import short_trainings, worse
 from harness.gate.quality.losses import FIGURES, Judge, Scores
-from harness.gate.references import REFERENCES_FILE, References
+from harness.gate.references import References
 from harness.plan.schedule import Budget
+from harness.records.cells import Comparison
 from harness.records.study import Answer, Check
 from harness.training.learner import Job
+from harness.training.lockstep import box_of
 from tests.harness import tiny
 from tests.harness.cells import diverged
 from tests.harness.gate.gate_runs import context_of
+from tests.harness.patching import changed
 
-ROOT = Path(__file__).parents[3]
 BY_NAME = {gate.name: gate for gate in gates()}
 GROUPS = [f"{scene}/{method}" for scene in TRAINED_SCENES for method in TRAINED_METHODS]
 KEYS = [f"{group}/{seed}" for group in GROUPS for seed in GATE_SEEDS]
@@ -50,11 +52,6 @@ def stored_with(generator: np.random.Generator) -> tuple[References, np.ndarray]
     cells = {key: scores(value, DRAWS) for key, value in zip(KEYS, truth, strict=True)}
     cells |= {key: scores(25.0 + 0.3 * generator.standard_normal(), 1) for key in others}
     return References({"worse": KindFacts(settings_of("worse"), {}, 1.0)}, cells=cells), truth
-
-
-def compared(stored: References) -> References:
-    """Return the references with the comparison of their cells."""
-    return replace(stored, statistics=worse.statistics_of(worse.stored_cells(stored)))
 
 
 def scores_with(psnr: np.ndarray, ssim: float = 0.8, depth: float = 0.2) -> Scores:
@@ -139,13 +136,12 @@ def test_first_steps_decide_how_it_is_judged(changed: list[str], limits: Path, m
     assert answers[1].startswith("The first steps are others, with" if changed else "The first steps are the stored")
 
 
-def test_a_comparer_that_says_something_else_of_the_stored_cells_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    stored = compared(stored_with(np.random.default_rng(8))[0])
+def test_a_comparer_that_says_something_else_of_the_stored_cells_is_seen(
+    stored: References, monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert worse.other_statistics(stored) == 0
-    usual = worse.compare
 
-    def narrow(*given: Any) -> Any:
-        rows = usual(*given)
+    def narrow(rows: list[Comparison], *_: Any) -> list[Comparison]:
         for row in rows:
             for estimate in (row.on_these_scenes, row.scenes_like_these):
                 if estimate and estimate.interval:
@@ -153,7 +149,7 @@ def test_a_comparer_that_says_something_else_of_the_stored_cells_is_seen(monkeyp
                     force_setattr(estimate, "interval", (low + 0.01 * (high - low), high))
         return rows
 
-    monkeypatch.setattr(worse, "compare", narrow)
+    changed(monkeypatch, worse, "compare", narrow)
     # the lower end of both intervals of both headlines
     assert worse.other_statistics(stored) == 4
 
@@ -169,8 +165,6 @@ def test_nothing_is_trained_that_no_gate_asks_for() -> None:
 
 
 def test_draws_differ_in_the_last_bit_alone(ball: Any) -> None:
-    from harness.training.lockstep import box_of
-
     def first_weights(draw: int) -> dict[str, torch.Tensor]:
         make = short_trainings.rounded_otherwise(draw)
         learner = make(Job("nerf", box_of(ball, tiny.CPU), tiny.TRAIN, Budget(1, None), "lego/0", tiny.CPU))
@@ -183,10 +177,8 @@ def test_draws_differ_in_the_last_bit_alone(ball: Any) -> None:
     assert all(torch.allclose(usual[key], other[key], rtol=2e-7, atol=0.0) for key in weights)
 
 
-def test_the_stored_cells_are_of_these_gates() -> None:
-    stored = read_stored(ROOT / "gates" / REFERENCES_FILE, References)
+def test_the_stored_cells_are_of_these_gates(stored: References) -> None:
     draws = {f"{group}/{seed}": DRAWS for group in GROUPS for seed in GATE_SEEDS}
     draws |= {f"{group}/{seed}": 1 for group in GROUPS for seed in OTHER_SEEDS}
     assert {key: len(scores["psnr"]) for key, scores in stored.cells.items()} == draws
     assert all(set(scores) == set(SCORES) for scores in stored.cells.values())
-    assert worse.other_statistics(stored) == 0

@@ -17,7 +17,7 @@ from harness.playback.run_loader import FinishedRun, from_plain
 from harness.records.cells import cell_path, checkpoint_name, read_cell, records_folder
 from harness.records.json_record import write_record
 from harness.training.learner import Learner
-from harness.training.scoring.evaluate import View, cameras_of, mean_scores, render_split, render_view, view_scores
+from harness.training.scoring.evaluate import View, cameras_of, mean_scores, render_split, view_scores
 from scenes.files.errors import DamagedRecord, InputError
 from scenes.view_sets.view_set import ViewSet, read_view_set
 from scenes.view_sets.viewpoints import RADIUS
@@ -91,16 +91,6 @@ def test_what_is_restored_renders_and_scores_as_it_did(
         assert mean_scores(rows)["psnr"] == cell.cell.scores["psnr"]
         assert rows == cell.cell.views
         assert np.ptp(after[0].colour) > 0.01, "it shows something"
-
-
-def test_its_camera_is_that_of_the_views(finished: FinishedRun) -> None:
-    cell = finished.trained(finished.run.scenes[0], "nerf", 0, CPU)
-    views = read_view_set(finished.out.parent / "ball")
-    camera = cell.camera(views.test.camera_to_world[1])
-    before = render_view(cell.learner, cameras_of(views, views.test, CPU), 1, cell.chunk)
-    after = render_view(cell.learner, camera.cameras(CPU), 0, cell.chunk)
-    np.testing.assert_array_equal(before.colour, after.colour)
-    assert (camera.near, camera.far) == (views.near, views.far)
 
 
 def test_it_knows_where_its_views_are_and_how_far_its_cameras_stand(

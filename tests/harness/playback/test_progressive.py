@@ -16,7 +16,7 @@ from harness.training.batches import Camera
 from harness.training.learner import Learner
 from harness.training.scoring.evaluate import View, render_view
 from tests.harness.ball import pose
-from tests.harness.tiny import CPU, rays_and_colours, trainer
+from tests.harness.tiny import CPU, train, trainer
 
 CHUNK = 150
 BINS = 16
@@ -30,11 +30,7 @@ EQUAL = np.full(REGIONS.count, 0.7)
 
 def trained(method: str) -> Learner:
     """Train past the grid's first step, so that empty space is left out and the final number of bins is used."""
-    learner = trainer(method)
-    rays, colours = rays_and_colours()
-    for _ in range(14):
-        learner.train_on(rays, colours)
-    return learner
+    return train(trainer(method), 14)
 
 
 @pytest.fixture(scope="module")

@@ -25,18 +25,13 @@ from harness.training.learner import Learner
 from harness.training.scoring.evaluate import View, render_view
 from harness.training.trainer import Trainer
 from tests.harness.ball import pose
+from tests.harness.patching import preceded
 from tests.harness.shell import ROOT
 from tests.harness.tiny import CPU, TRAIN, rays_and_colours, train, trainer
 from tests.harness.voxels import voxels
 
 CALLS = plain_calls(512)
-
-
-def camera(**changes: Any) -> Camera:
-    plain: dict[str, Any] = {
-        "camera_to_world": pose(0.3, 0.4), "width": 12, "height": 10, "focal": 16.0, "near": 2.0, "far": 6.0,
-    }  # fmt: skip
-    return Camera(**{**plain, **changes})
+CAMERA = Camera(pose(0.3, 0.4), 12, 10, 16.0, 2.0, 6.0)
 
 
 def trained(method: str = "nerf") -> Trainer:
@@ -49,12 +44,12 @@ def nerf() -> Trainer:
     return trained()
 
 
-def key(learner: Learner, view: Camera | None = None, calls: str = CALLS) -> str:
-    return camera_key(method_digest(learner), view or camera(), calls)
+def key(learner: Learner, view: Camera = CAMERA, calls: str = CALLS) -> str:
+    return camera_key(method_digest(learner), view, calls)
 
 
 def test_the_same_view_has_the_same_key(nerf: Trainer) -> None:
-    transposed = camera(camera_to_world=pose(0.3, 0.4).T.copy().T)
+    transposed = CAMERA.at(CAMERA.camera_to_world.T.copy().T)
     assert key(nerf) == key(trained()) == key(nerf, transposed)
     assert re.fullmatch("[0-9a-f]{64}", key(nerf)), "a file's name"
 
@@ -78,7 +73,7 @@ def ulp_away(entry: int, towards: float) -> dict[str, Any]:
     ],
 )
 def test_another_pose_or_lens_is_another_view(changes: dict[str, Any], nerf: Trainer) -> None:
-    assert key(nerf, camera(**changes)) != key(nerf)
+    assert key(nerf, replace(CAMERA, **changes)) != key(nerf)
 
 
 def trained_further(learner: Trainer) -> None:
@@ -92,7 +87,6 @@ def ulp_less(tensor: torch.Tensor, *index: int) -> torch.Tensor:
 
 
 def grid_changed(learner: Trainer) -> None:
-    assert learner.grid is not None
     learner.grid.occupied[7] = False
 
 
@@ -165,7 +159,7 @@ import sys, torch
 from pathlib import Path
 from harness.training.checkpoints import load_checkpoint
 from tests.harness.tiny import trainer
-from tests.harness.playback.test_view_keys import camera, key
+from tests.harness.playback.test_view_keys import key
 torch.set_num_threads(1)
 learner = trainer()
 load_checkpoint(learner, Path(sys.argv[1]), 2)
@@ -235,39 +229,38 @@ def test_every_switch_of_arithmetic_is_in_the_key_whichever_others_were_set(on_g
 
 def test_under_another_switch_a_view_is_not_found(nerf: Trainer) -> None:
     method = CachedMethod(nerf, ViewStore(), 512)
-    method.keep(camera(), rendered(method))
+    method.keep(CAMERA, rendered(method))
     for other in ON_CPU.values():
         with other():
-            assert method.lookup(camera()) is None
-    assert method.lookup(camera()) is not None
+            assert method.lookup(CAMERA) is None
+    assert method.lookup(CAMERA) is not None
 
 
 # a method behind the cache
 
 
 def rendered(method: CachedMethod) -> View:
-    return render_view(method.learner, camera().cameras(CPU), 0, method.chunk)
+    return render_view(method.learner, CAMERA.cameras(CPU), 0, method.chunk)
 
 
 def test_the_view_that_is_found_is_bit_for_bit_the_rendered_one_until_the_method_is_trained(tmp_path: Path) -> None:
     method = CachedMethod(trained(), ViewStore(0, tmp_path), 50)
-    method.keep(camera(), rendered(method))
-    hit = CachedMethod(trained(), ViewStore(0, tmp_path), 50).lookup(camera())
-    assert hit is not None
+    method.keep(CAMERA, rendered(method))
+    hit = CachedMethod(trained(), ViewStore(0, tmp_path), 50).lookup(CAMERA)
     for name in ("colour", "opacity", "depth"):
         assert getattr(hit[0], name).tobytes() == getattr(rendered(method), name).tobytes()
     assert np.ptp(hit[0].colour) > 0.0
-    assert CachedMethod(trained(), ViewStore(0, tmp_path), 49).lookup(camera()) is None
+    assert CachedMethod(trained(), ViewStore(0, tmp_path), 49).lookup(CAMERA) is None
     trained_further(method.learner)  # type: ignore[arg-type]
-    assert method.lookup(camera()) is None
+    assert method.lookup(CAMERA) is None
 
 
 def test_weights_are_hashed_once(nerf: Trainer, monkeypatch: pytest.MonkeyPatch) -> None:
     calls: list[object] = []
-    monkeypatch.setattr(cached, "method_digest", lambda learner: calls.append(learner) or b"")
+    preceded(monkeypatch, cached, "method_digest", calls.append)
     method = CachedMethod(nerf, ViewStore(), 50)
     for azimuth in range(5):
-        method.lookup(camera(camera_to_world=pose(azimuth, 0.4)))
+        method.lookup(CAMERA.at(pose(azimuth, 0.4)))
     assert len(calls) == 1
 
 

@@ -1,6 +1,5 @@
 """The loop that runs studies, tried by commands with scripted studies: what it records, resumes, refuses and prints."""
 
-import json
 import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -9,28 +8,17 @@ from typing import Literal
 import pytest
 
 from harness.command.main import main
-from harness.records.study import (
-    SHELVES,
-    Answer,
-    Check,
-    Effect,
-    Series,
-    Studies,
-    StudyInfo,
-    StudyRecord,
-    Table,
-    check,
-    read_studies,
-    write_studies,
-)  # fmt: skip
-from harness.records.verdict import OPEN
-from harness.run_folder.integrity import DAMAGED
+from harness.records.json_record import load_record, write_record
+from harness.records.study import SHELVES, Check, Series, Table, check, read_studies, write_studies
+from harness.run_folder.integrity import DAMAGED, repair
 from harness.studies.evidence.evidence_studies import SHELF as EVIDENCE
 from harness.studies.framework import Found, Shelf, line_of, list_lines
 from harness.studies.speed.questions import SHELF as SPEED
 from harness.studies.stability.cases import SHELF as STABILITY
+from harness.studies.stability.stability_context import METHODS, StabilityContext
 from scenes.files.errors import DamagedRecord
 from tests.harness.shell import refused
+from tests.reports.fake_studies import fake_studies
 
 ALL = (EVIDENCE, STABILITY, SPEED)
 
@@ -100,7 +88,7 @@ def test_studies_are_done_in_the_order_of_their_catalogue_and_recorded(
     assert [file.name for file in (tmp_path / "out").iterdir()] == [SHELVES[shelf]], "no other file remains"
 
 
-def test_a_stopped_run_keeps_complete_studies_and_is_resumed(
+def test_a_stopped_run_keeps_complete_studies_and_is_resumed_with_the_same_options(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     scripted(monkeypatch, stop_in="5")
@@ -111,6 +99,8 @@ def test_a_stopped_run_keeps_complete_studies_and_is_resumed(
     again = scripted(monkeypatch)
     assert run(tmp_path / "out", "2", "5", "6", resume=True) == 0
     assert again.asked == ["5", "6"]
+    others = ("--quiet", "--quick", "--plain-seconds", "7", "--resume", "--out", tmp_path / "out")
+    assert "other options" in refused(capsys, *others, command="speed")
     assert done(tmp_path / "out") == ["2", "5", "6"]
 
 
@@ -137,17 +127,6 @@ def test_a_damaged_record_is_named_moved_aside_and_measured_again(
     assert "speed.json: " in capsys.readouterr().out
     assert again.asked == ["2"]
     assert (tmp_path / "out" / DAMAGED / "speed.json.1").read_bytes() == spoilt
-
-
-def test_other_options_are_not_resumed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    scripted(monkeypatch)
-    assert run(tmp_path / "out", "2") == 0
-    out = tmp_path / "out"
-    said = refused(capsys, "--quiet", "--quick", "--plain-seconds", "7", "--resume", "--out", out, command="speed")
-    assert "other options" in said
-    assert done(out) == ["2"]
 
 
 @pytest.mark.parametrize(
@@ -179,11 +158,19 @@ def test_bad_options_and_folders_are_refused(
     assert [file.name for file in tmp_path.iterdir()] == ["mine.txt"]
 
 
-def test_the_former_names_of_the_option_still_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    script = scripted(monkeypatch)
-    assert main(["speed", "--quick", "--quiet", "--items", "2", "--out", str(tmp_path / "a")]) == 0
-    assert main(["stability", "--quick", "--quiet", "--cases", "Q1", "--out", str(tmp_path / "b")]) == 0
-    assert script.asked == ["2", "Q1"]
+def test_a_training_that_repairs_the_folder_keeps_the_scratch_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def trains_in_the_same_folder(context: StabilityContext) -> Iterator[Found]:
+        repair(context.out, context.plan("smoke"), lambda line: None)
+        assert context.scratch.is_dir()
+        yield check("a figure", 0.5, high=1.0)
+
+    monkeypatch.setattr(Shelf, "measure_of", lambda shelf, name: trains_in_the_same_folder)
+    assert main(["stability", "--quiet", "--out", str(tmp_path / "out"), "--studies", "Q1"]) == 0
+    record = read_studies(tmp_path / "out/stability.json")
+    assert record.settings["methods"] == list(METHODS)
+    assert len(record.studies[0].checks) == 1
 
 
 @pytest.mark.parametrize(
@@ -211,42 +198,21 @@ def test_a_line_holds_status_figure_limits_and_reason_of_a_check() -> None:
     assert line_of(absent) == "volpath: not available; no LLVM"
 
 
-EVERYTHING = Studies(
-    "stability", {"commit": "a"}, {"quick": False},
-    [StudyRecord(
-        StudyInfo("Q1", "title", "question?", "method", {"bar": "small"}), "scale",
-        [Answer("It is."), check("error", 1.0, 0.5, 2.0, "dB", "why", subject="nerf", owner="paper", repeats=3,
-                                 spread=(0.9, 1.1), id="a.b"),
-         Effect("qnerf", "nerf", "all", "psnr", "steps", 0.1, (0.0, 0.2), None, 2, OPEN, None, 3, 0),
-         Series("panel", 1, "line", "x", "y", [1.0, 2.0], [None, 1.0], None, [1.0, 2.0], False, True),
-         Table("t", 1, "table", ["a", "b"], [["x", 1.0], [None, 2.0]])],
-        1.5)], True,
-)  # fmt: skip
+@pytest.mark.parametrize("shelf", ["evidence", "serving", "speed"])
+def test_a_record_comes_back_as_it_was_written(shelf: str, tmp_path: Path) -> None:
+    write_studies(tmp_path / SHELVES[shelf], fake_studies(shelf))
+    assert read_studies(tmp_path / SHELVES[shelf]) == fake_studies(shelf)
 
 
-def test_a_record_comes_back_as_it_was_written(tmp_path: Path) -> None:
-    write_studies(tmp_path / "stability.json", EVERYTHING)
-    assert read_studies(tmp_path / "stability.json") == EVERYTHING
-
-
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        (lambda data: data["studies"][0]["findings"][1].update(value="high"), "findings[1].value"),
-        (lambda data: data["studies"][0]["findings"][1].update(more=1), "more"),
-        (lambda data: data["studies"][0]["findings"][0].update(type="poem"), "poem"),
-        (lambda data: data.update(schema=3), "schema"),
-    ],
-)
-def test_an_invalid_record_is_refused_with_the_name_of_the_field(
-    change: Callable[[dict[str, object]], object], said: str, tmp_path: Path
+@pytest.mark.parametrize(("change", "said"), [({"more": 1}, "more"), ({"type": "poem"}, "poem")])
+def test_a_finding_with_an_unknown_field_or_of_an_unknown_type_is_refused(
+    change: dict[str, object], said: str, tmp_path: Path
 ) -> None:
     path = tmp_path / "stability.json"
-    write_studies(path, EVERYTHING)
-    data = json.loads(path.read_text())
-    data.pop("digest", None)
-    change(data)
-    path.write_text(json.dumps(data))
+    write_studies(path, fake_studies("stability"))
+    data = load_record(path)
+    data["studies"][0]["findings"][0].update(change)
+    write_record(path, data)
     with pytest.raises(DamagedRecord, match="nox -s stability") as caught:
         read_studies(path)
     assert said in str(caught.value)

@@ -11,8 +11,7 @@ import pytest
 import torch
 from safetensors.torch import load_file, save_file
 
-from harness.training import checkpoints
-from harness.training.checkpoints import OCCUPIED, load_checkpoint, save_checkpoint, weights_digest
+from harness.training.checkpoints import OCCUPIED, checkpoint_path, load_checkpoint, save_checkpoint, weights_digest
 from harness.training.learner import Job, Learner
 from scenes.files.errors import InputError
 from tests.harness.tiny import TRAIN, rays_and_colours, train, trainer
@@ -43,16 +42,12 @@ def fresh(like: Any) -> Any:
 @pytest.mark.parametrize("case", CASES)
 def test_what_is_loaded_is_what_was_saved(case: str, tmp_path: Path) -> None:
     before = CASES[case]()
-    path = checkpoints.checkpoint_path(tmp_path, "ball", before.method, 0)
+    path = checkpoint_path(tmp_path, "ball", before.method, 0)
     save_checkpoint(before, path)
     assert [file.name for file in path.parent.iterdir()] == [f"ball.{before.method}.0.safetensors"]
     after = fresh(before)
     assert weights_digest(after) != weights_digest(before)
     load_checkpoint(after, path, before.step)
-    ours, theirs = checkpoints.tensors_of(after), checkpoints.tensors_of(before)
-    assert list(ours) == list(theirs)
-    for name in ours:
-        assert torch.equal(ours[name], theirs[name])
     assert weights_digest(after) == weights_digest(before)
     assert after.step == STEPS
     rays, _ = rays_and_colours(seed=99)
@@ -135,10 +130,3 @@ def test_what_is_no_checkpoint_of_this_method_is_refused(wrong: str, nerf: Learn
         load_checkpoint(after, path, STEPS)
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
-
-
-def test_another_methods_checkpoint_is_refused(nerf: Learner, tmp_path: Path) -> None:
-    save_checkpoint(nerf, tmp_path / "one.safetensors")
-    for other in ("qnerf", "nerf_no_direction"):
-        with pytest.raises(InputError, match=f"not a checkpoint of {other}"):
-            load_checkpoint(trainer(other), tmp_path / "one.safetensors", STEPS)

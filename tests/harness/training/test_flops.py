@@ -20,7 +20,6 @@ POINTS = 24
 def really_done(method: str, size: NetworkSize) -> int:
     """Return the operations per point that torch counts in a forward pass of single operations, one ray per point."""
     parts = CATALOG[method].parts
-    assert parts is not None
     field = NetworkField(parts, size, BOX, "float32", 0)
     x, _, _ = some_points(POINTS)
     d = torch.nn.functional.normalize(x, dim=-1)
@@ -44,7 +43,6 @@ def test_learnt_features_by_hand(method: str, features: int, encoder: int) -> No
     """A weight and a sum for each of 12 corners, and two products; or of 8 corners."""
     listed = CATALOG[method]
     network = 2 * (features * 64 + 64 + (64 + 27) * 64 + 64 * 3)
-    assert listed.make_field is not None
     field = listed.make_field(FieldSpec(SMALL, BOX, "float32", 0, True, listed.settings))
     assert flops_per_evaluation(field) == encoder + network
 
@@ -59,7 +57,6 @@ def test_a_step_in_forward_passes_is_at_most_a_tenth_above_what_is_needed() -> N
     needed = step_flops(size, points, rays)
     assert counted == needed + for_encoded + for_directions
     assert 1.0 < counted / needed < 1.1
-    assert FORWARD_AND_BACKWARD == 3
 
 
 def test_voxels_are_interpolated_between_eight_and_weighted_by_direction() -> None:

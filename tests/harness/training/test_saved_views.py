@@ -22,41 +22,50 @@ from scenes.view_sets.view_set import ViewSet, linear_over_white
 from tests.harness.tiny import BUDGET, CPU, TRAIN
 
 
-def images() -> list[evaluate.View]:
-    return [evaluate.View(np.full((2, 3, 3), k / 4), np.full((2, 3), k / 4), np.full((2, 3), 4.0)) for k in range(3)]
+def kept(ball: ViewSet, out: Path, seed: int, *steps: int) -> str | None:
+    """Show three views at each step, of which 24 is the last, and write what is kept of them."""
+    keeping = KeptRenders.of(ball.test, 1, seed, 3)
+    for step in steps:
+        images = [
+            evaluate.View(np.full((2, 3, 3), k / 4), np.full((2, 3), k / 4), np.full((2, 3), float(k)))
+            for k in range(3)
+        ]
+        passed = keeping.passing(images, step, last=step == 24)
+        assert [view.depth[0, 0] for view in passed] == [0, 1, 2]
+    return keeping.write(out, "ball", "nerf", seed)
 
 
-def test_the_first_seed_keeps_every_checkpoint_and_others_the_last_alone(ball: ViewSet, tmp_path: Path) -> None:
-    for seed, steps in ((0, [5, 9, 24]), (1, [24])):
-        keeping = KeptRenders.of(ball.test, 1, seed, 3)
-        for step in (5, 9, 24):
-            assert [view.depth[0, 0] for view in keeping.passing(images(), step, last=step == 24)] == [4.0] * 3
-        path = keeping.write(tmp_path, "ball", "nerf", seed)
-        assert path == f"pictures/ball.nerf.{seed}.safetensors"
-        found = read_renders(tmp_path / "records" / path)
-        assert [(one.view, one.step) for one in found] == [("test/r_1", step) for step in steps]
-        assert (found[0].colour == 0.25).all()
+@pytest.mark.parametrize(("seed", "steps"), [(0, [5, 9, 24]), (1, [24])])
+def test_the_first_seed_keeps_every_checkpoint_and_others_the_last_alone(
+    ball: ViewSet, tmp_path: Path, seed: int, steps: list[int]
+) -> None:
+    path = kept(ball, tmp_path, seed, 5, 9, 24)
+    assert path == f"pictures/ball.nerf.{seed}.safetensors"
+    found = read_renders(tmp_path / "records" / path)
+    assert [(one.view, one.step) for one in found] == [("test/r_1", step) for step in steps]
+    assert (found[0].colour == 0.25).all()
+
+
+def test_a_cell_that_kept_nothing_writes_nothing(ball: ViewSet, tmp_path: Path) -> None:
+    assert kept(ball, tmp_path, 1, 5) is None
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_the_first_seed_saves_a_turn_of_all_test_views_in_the_order_of_azimuth(ball: ViewSet, tmp_path: Path) -> None:
     keep_truth(tmp_path, "ball", ball, 1)
     truth = read_turn(tmp_path / "records" / "pictures" / "ball.safetensors", "truth")
     poses = dict(zip(ball.test.names, ball.test.camera_to_world, strict=True))
-    assert truth is not None
     azimuths = [np.arctan2(poses[name][1, 3], poses[name][0, 3]) % (2 * np.pi) for name in truth.views]
     assert azimuths == sorted(azimuths)
     assert sorted(truth.views) == sorted(ball.test.names)
     place = ball.test.names.index(truth.views[0])
     assert np.abs(truth.frames[0] / 255.0 - over_white(ball.test.rgba[place])).max() <= 0.5 / 255 + 1e-6
-    for seed, has_one in ((0, True), (1, False)):
-        keeping = KeptRenders.of(ball.test, 1, seed, 3)
-        for step in (5, 24):
-            list(keeping.passing(images(), step, last=step == 24))
-        turn = read_turn(tmp_path / "records" / str(keeping.write(tmp_path, "ball", "nerf", seed)), "renders")
-        assert (turn is not None) is has_one
-        if turn is not None:
-            shown = [round(255 * ball.test.names.index(name) / 4) for name in turn.views]
-            assert (turn.views, turn.frames[:, 0, 0, 0].tolist()) == (truth.views, shown)
+    turn, none = (
+        read_turn(tmp_path / "records" / str(kept(ball, tmp_path, seed, 5, 24)), "renders") for seed in (0, 1)
+    )
+    shown = [round(255 * ball.test.names.index(name) / 4) for name in turn.views]
+    assert (turn.views, turn.frames[:, 0, 0, 0].tolist()) == (truth.views, shown)
+    assert none is None
 
 
 def test_a_turn_has_two_dozen_views_spread_over_all_azimuths(ball: ViewSet) -> None:
@@ -87,13 +96,6 @@ def test_frames_are_small_and_averages() -> None:
     assert set(frame.flatten().tolist()) == {128}
 
 
-def test_a_cell_that_kept_nothing_writes_nothing(ball: ViewSet, tmp_path: Path) -> None:
-    keeping = KeptRenders.of(ball.test, 1, 1, 3)
-    list(keeping.passing(images(), 5, last=False))
-    assert keeping.write(tmp_path, "ball", "nerf", 1) is None
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_the_truth_of_posed_pngs_is_display_colour_alone(ball: ViewSet, tmp_path: Path) -> None:
     keep_truth(tmp_path, "ball", ball, 1)
     (truth,) = read_truth(tmp_path / "records/pictures/ball.safetensors")
@@ -116,7 +118,6 @@ def test_light_over_white_is_not_clipped_and_averages_areas(ball: ViewSet, tmp_p
     rgba[2:, :2] = (0.1, 0.2, 0.25, 0.5)
     views = rendered(ball, tmp_path, rgba)
     light = linear_over_white(views, "test/r_0")
-    assert light is not None
     assert light[0, 0] == pytest.approx([12.0, 3.0, 0.5])
     assert light[3, 0] == pytest.approx(decode_srgb(0.5 * encode_srgb(np.array([0.2, 0.4, 0.5])) + 0.5))
     assert light[3, 3].tolist() == [1.0, 1.0, 1.0]
@@ -138,7 +139,6 @@ def test_a_perfect_picture_has_no_error_in_linear_light_but_above_white(ball: Vi
     alpha[0, 0], colour[0, 0], colour[1, 1, 0], alpha[1, 1] = 0.5, 0.0, 9.0, 0.25
     rgba = np.concatenate([colour * alpha, alpha], axis=-1)
     light = linear_over_white(rendered(ball, tmp_path, rgba), "test/r_0")
-    assert light is not None
     error = light - decode_srgb(over_white(display_from_linear(rgba)))
     assert light[0, 0] == pytest.approx([0.2140411] * 3)
     assert error[1, 1, 0] == pytest.approx(0.25 * 8)

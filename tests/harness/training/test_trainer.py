@@ -1,7 +1,9 @@
 """One method in training: it is bit-identical when repeated, stops at a NaN, and runs on its own clock."""
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from itertools import count
 from typing import Any
 
 import pytest
@@ -10,16 +12,15 @@ import torch
 from baselines.amplifiers import HeldMeanAmplifier
 from baselines.composition import LOSSES
 from baselines.methods.repaired import CANDIDATES
-from baselines.numerics.optimisers import Optimiser, optimiser_of
 from harness.machine.stopwatch import Stopwatch
 from harness.plan.schedule import Budget, learning_rate
-from harness.plan.settings import GridSettings
-from harness.training.trainer import LAYER, TRACED, Diverged, Trainer
+from harness.plan.settings import GridSettings, TrainSettings
+from harness.training.trainer import LAYER, TRACED, Diverged, Trainer, _all_finite
+from tests.harness.patching import changed, preceded
 from tests.harness.tiny import BUDGET, CPU, OWN, TRAIN, rays_and_colours, same, train, trainer, weights
 from tests.harness.voxels import voxels
 
-METHODS = ["nerf", "qnerf", "qnerf_theorem", "qnerf_listing4"]
-every_kind = pytest.mark.parametrize("method", ["nerf", "voxels_drjit"])
+every_kind = pytest.mark.parametrize("method", ["nerf", *CANDIDATES, "voxels_drjit"])
 
 
 def learner_of(method: str) -> Any:
@@ -54,7 +55,7 @@ def test_rendering_between_steps_and_in_chunks_changes_nothing(method: str) -> N
         assert parts.network_evaluations == whole.network_evaluations
 
 
-@pytest.mark.parametrize("method", ["nerf", *CANDIDATES, "voxels_drjit"])
+@every_kind
 def test_the_warm_up_changes_nothing_and_is_not_on_the_clock(method: str) -> None:
     """Nine steps: over both refinements of the voxels."""
     plain, warmed = learner_of(method), learner_of(method)
@@ -66,21 +67,13 @@ def test_the_warm_up_changes_nothing_and_is_not_on_the_clock(method: str) -> Non
 
 def test_the_optimiser_is_made_before_the_clock_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     """Adam's import takes 5 s."""
-    made: list[object] = []
-
-    def counted(*given: Any) -> Optimiser:
-        made.append(given)
-        return optimiser_of(*given)
-
-    monkeypatch.setattr("harness.training.trainer.optimiser_of", counted)
     learner = trainer()
     learner.warm_up(*rays_and_colours(seed=3))
-    assert len(made) == 1
+    monkeypatch.setattr("harness.training.trainer.optimiser_of", None)
     train(learner, 2)
-    assert len(made) == 1
 
 
-@pytest.mark.parametrize("method", ["nerf", *CANDIDATES, "voxels_drjit"])
+@every_kind
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
 def test_a_colour_that_is_not_finite_shows_in_the_loss_and_leaves_the_weights_alone(method: str, bad: float) -> None:
     trained = train(learner_of(method), 2)
@@ -94,55 +87,105 @@ def test_a_colour_that_is_not_finite_shows_in_the_loss_and_leaves_the_weights_al
 
 
 def test_another_seed_gives_other_weights_and_other_samples() -> None:
-    assert not same(weights(trainer(seed=0)), weights(trainer(seed=1)))
     first, second = trainer(seed=0), trainer(seed=1)
+    assert not same(weights(first), weights(second))
     second.fields.load_state_dict(first.fields.state_dict())
     assert not same(weights(train(first, 1)), weights(train(second, 1)))
 
 
 # what is not finite
 
+Patch = pytest.MonkeyPatch
 
-def test_a_gradient_that_is_nan_is_named_and_leaves_the_weights_alone() -> None:
-    learner = train(trainer(), 1)
-    before = weights(learner)
+
+def of_ray_21(learner: Trainer, view: torch.Tensor) -> torch.Tensor:
+    """Say of each encoded direction whether it is that of ray 21, in whatever chunk."""
+    wanted = learner.coarse.encode_directions(rays_and_colours()[0].directions)[21]
+    return torch.isclose(view, wanted).all(dim=-1)
+
+
+def spoilt_density(learner: Trainer, patch: Patch) -> None:
+    def spoil(whole: Any, x: torch.Tensor, view: torch.Tensor, ray: torch.Tensor) -> Any:
+        return torch.where(of_ray_21(learner, view)[ray], math.nan, whole[0]), whole[1]
+
+    changed(patch, learner.coarse, "density_and_colour", spoil)
+
+
+def spoilt_colour(learner: Trainer, patch: Patch) -> None:
+    def spoil(whole: Any, x: torch.Tensor, view: torch.Tensor, ray: torch.Tensor) -> Any:
+        return whole[0], torch.where((ray == 5).unsqueeze(-1), math.nan, whole[1])
+
+    changed(patch, learner.coarse, "density_and_colour", spoil)
+
+
+def spoilt_cell(learner: Trainer, patch: Patch) -> None:
+    changed(patch, learner.coarse, "density", lambda sigma, x: sigma.where(torch.arange(len(x)) != 3, math.nan))
+
+
+def spoilt_depth(learner: Trainer, patch: Patch) -> None:
+    changed(patch, learner, "_rendered", lambda whole, *_: replace(whole, depth=whole.depth / 0.0))
+
+
+def spoilt_gradient(learner: Trainer, patch: Patch) -> None:
     learner.coarse.density_head.weight.register_hook(lambda gradient: gradient * math.nan)
-    with pytest.raises(Diverged, match=r"at step 1: gradient of coarse\.density_head\.weight"):
-        learner.train_on(*rays_and_colours())
-    assert same(weights(learner), before)
 
 
-def test_a_depth_that_is_not_finite_is_never_rendered(monkeypatch: pytest.MonkeyPatch) -> None:
-    learner = trainer()
-    whole = learner._rendered
-
-    def spoilt(*arguments: Any) -> Any:
-        rendering = whole(*arguments)
-        return replace(rendering, depth=rendering.depth / 0.0)
-
-    monkeypatch.setattr(learner, "_rendered", spoilt)
-    with pytest.raises(Diverged, match="rendered depth"):
-        learner.render(rays_and_colours()[0], 16)
+def spoilt_weight(learner: Trainer, patch: Patch) -> None:
+    changed(patch, learner.optimiser, "step", lambda *_: learner.coarse.density_net[1].bias.data.fill_(math.inf))
 
 
-def test_a_density_that_is_nan_in_the_grid_is_a_divergence(monkeypatch: pytest.MonkeyPatch) -> None:
-    learner = train(trainer(), 10)
-    whole = learner.coarse.density
+USES: dict[str, Callable[[Trainer], object]] = {
+    "a step": lambda learner: learner.train_on(*rays_and_colours()),
+    "a picture": lambda learner: learner.render(rays_and_colours()[0], 1000),
+    "a picture in chunks": lambda learner: learner.render(rays_and_colours()[0], 16),
+}
 
-    def spoilt(x: torch.Tensor) -> torch.Tensor:
-        sigma = whole(x)
-        sigma[3] = math.nan
-        return sigma
 
-    monkeypatch.setattr(learner.coarse, "density", spoilt)
-    with pytest.raises(Diverged, match="at step 10: density in the occupancy grid"):
-        train(learner, 1)
+@pytest.mark.parametrize(
+    ("spoil", "steps", "use", "said"),
+    [
+        (spoilt_gradient, 1, "a step", "gradient of coarse.density_head.weight"),
+        (spoilt_weight, 2, "a step", "weight of coarse.density_net.1.bias"),
+        (spoilt_cell, 10, "a step", "density in the occupancy grid"),
+        (spoilt_colour, 1, "a picture", "rendered colour of ray 5$"),
+        (spoilt_depth, 1, "a picture in chunks", "rendered depth"),
+        *((spoilt_density, 1, use, r"density of sample \d+ of ray 21$") for use in USES),
+    ],
+)
+def test_what_is_not_finite_is_named_and_leaves_the_weights_alone(
+    spoil: Callable[[Trainer, Patch], None], steps: int, use: str, said: str, monkeypatch: Patch
+) -> None:
+    """Rays are counted over all chunks; only a weight that is not finite itself has changed."""
+    learner = train(trainer(), steps)
+    before = weights(learner)
+    spoil(learner, monkeypatch)
+    with pytest.raises(Diverged, match=f"at step {steps}: {said}"):
+        USES[use](learner)
+    assert same(weights(learner), before) is (spoil is not spoilt_weight)
+
+
+@pytest.mark.parametrize("part", ["origins", "directions"])
+def test_a_ray_that_is_nan_is_named_instead_of_shown_as_background(part: str) -> None:
+    learner = train(trainer(), 1)
+    rays, colours = rays_and_colours()
+    bad = replace(rays, **{part: getattr(rays, part).clone()})
+    getattr(bad, part)[13, 2] = math.nan
+    for use in (lambda: learner.render(bad, 1000), lambda: learner.train_on(bad, colours)):
+        with pytest.raises(ValueError, match="ray 13 is not finite: origin"):
+            use()
+
+
+def test_large_finite_weights_are_no_divergence() -> None:
+    """Only their squares overflow."""
+    weights = [torch.tensor([1e30, -1e30]), torch.tensor(3.0)]
+    assert _all_finite(weights)
+    assert not _all_finite([*weights, torch.tensor([math.nan])])
 
 
 # rendering
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", ["nerf", "qnerf", "qnerf_theorem", "qnerf_listing4"])
 def test_no_rays_are_no_pixels(method: str) -> None:
     nothing = trainer(method).render(rays_and_colours(0)[0], 16)
     assert (nothing.colour.shape, nothing.opacity.shape, nothing.depth.shape) == ((0, 3), (0,), (0,))
@@ -151,21 +194,22 @@ def test_no_rays_are_no_pixels(method: str) -> None:
 # optimiser, schedule, grid
 
 
-def test_the_learning_rate_follows_the_schedule() -> None:
-    learner = trainer()
+SLOWER = replace(OWN["nerf"], learning_rate=3e-2, last_learning_rate=1e-4, decay="linear", warm_up_steps=2)
+
+
+@pytest.mark.parametrize(
+    ("settings", "schedule"),
+    [(TRAIN, (1e-2, 1e-3, 5, TRAIN.decay)), (replace(TRAIN, own={"nerf": SLOWER}), (3e-2, 1e-4, 2, "linear"))],
+)
+def test_the_learning_rate_follows_the_schedule_of_the_run_or_of_the_method(
+    settings: TrainSettings, schedule: tuple[Any, ...]
+) -> None:
+    learner = trainer(settings=settings)
     rates: list[float] = []
     learner.optimiser.step = rates.append  # type: ignore[method-assign]
-    for step in range(24):
-        learner.train_on(*rays_and_colours(seed=step))
-    assert rates == [learning_rate(step / 24, step, 1e-2, 1e-3, 5, TRAIN.decay) for step in range(24)]
+    train(learner, 24)
+    assert rates == [learning_rate(step / 24, step, *schedule) for step in range(24)]
     assert learner.progress == 1.0
-
-
-def test_a_method_has_a_schedule_of_its_own() -> None:
-    own = replace(OWN["nerf"], learning_rate=3e-2, last_learning_rate=1e-4, decay="linear", warm_up_steps=2)
-    rates = train(trainer(settings=replace(TRAIN, own={"nerf": own})), 24).trace["learning_rate"]
-    seen = (0, 19)  # the first step and every twentieth are traced
-    assert rates == [learning_rate(step / 24, step, 3e-2, 1e-4, 2, "linear") for step in seen]
 
 
 LOSS_OF_ERROR = {
@@ -216,61 +260,51 @@ def test_a_budget_ends_with_the_mean_of_its_weights_and_looking_at_it_before_cha
         assert same(weights(learner), ended)
 
 
-def test_the_grid_is_measured_whole_once_and_then_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
-    learner = trainer()
-    seen: list[tuple[int, float]] = []
-    original: Any = learner.grid.refresh  # type: ignore[union-attr]
-
-    def spy(field: Any, share: float, generator: torch.Generator) -> int:
-        seen.append((learner.step, share))
-        return int(original(field, share, generator))
-
-    monkeypatch.setattr(learner.grid, "refresh", spy)
-    train(learner, 24)
-    assert seen == [(10, 1.0), (15, 0.25), (20, 0.25)]
-
-
-def test_refreshing_the_grid_is_on_the_clock_and_counted(monkeypatch: pytest.MonkeyPatch) -> None:
-    learner = train(trainer(), 10)
-    ticks = iter(range(1000))
+def test_the_grid_is_measured_whole_once_and_then_in_parts_on_the_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+    learner, ticks = trainer(), count()
     learner.clock = Stopwatch(CPU, lambda: float(next(ticks)))
-    assert learner.grid is not None
-    original = learner.grid.refresh
+    seen: list[tuple[int, float]] = []
 
-    def slow(*arguments: Any) -> int:
+    def note(field: Any, share: float, generator: torch.Generator) -> None:
+        seen.append((learner.step, share))
         for _ in range(100):
             next(ticks)
-        return original(*arguments)
 
-    monkeypatch.setattr(learner.grid, "refresh", slow)
-    before = learner.network_evaluations
-    train(learner, 1)
-    assert learner.clock.seconds == 101
-    assert learner.network_evaluations - before > 8**3
+    preceded(monkeypatch, learner.grid, "refresh", note)
+    before = train(learner, 10).network_evaluations
+    assert train(learner, 1).network_evaluations - before > 8**3
+    train(learner, 13)
+    assert seen == [(10, 1.0), (15, 0.25), (20, 0.25)]
+    assert learner.clock.seconds == 24 + 3 * 100
 
 
-def test_every_ray_is_sampled_fully_before_the_grid_is_in_use() -> None:
-    learner = train(trainer(), 1)
-    assert learner.network_evaluations == 64 * TRAIN.first_bins
-    assert learner.trace["samples_per_ray"] == [TRAIN.first_bins]
+NO_GRID = replace(TRAIN, grid=GridSettings(cells=0))
+
+
+@pytest.mark.parametrize(
+    ("settings", "points"),
+    [(TRAIN, TRAIN.first_bins), (NO_GRID, TRAIN.bins), (replace(NO_GRID, fine_bins=8), 2 * TRAIN.bins + 8)],
+)
+def test_every_ray_is_sampled_fully_without_a_grid_and_before_it_is_in_use(
+    settings: TrainSettings, points: int
+) -> None:
+    learner = train(trainer(settings=settings), 2)
+    assert learner.network_evaluations == 2 * 64 * points
+    assert learner.trace["samples_per_ray"] == [points]
 
 
 def test_the_grid_can_be_switched_off_and_listing_4_has_none() -> None:
-    assert trainer(settings=replace(TRAIN, grid=GridSettings(cells=0))).grid is None
+    assert trainer(settings=NO_GRID).grid is None
     assert trainer("qnerf_listing4").grid is None
-    without = train(trainer(settings=replace(TRAIN, grid=GridSettings(cells=0))), 2)
-    assert without.network_evaluations == 2 * 64 * TRAIN.bins
 
 
 def test_a_fine_pass_trains_both_fields_and_shows_the_fine_one() -> None:
-    learner = trainer(settings=replace(TRAIN, fine_bins=8, grid=GridSettings(cells=0)))
-    assert learner.fine is not None
+    learner = trainer(settings=replace(NO_GRID, fine_bins=8))
     assert learner.field is learner.fine
     before = weights(learner)
     train(learner, 2)
     changed = {name for name, value in weights(learner).items() if not torch.equal(value, before[name])}
     assert {name.partition(".")[0] for name in changed} == {"coarse", "fine"}
-    assert learner.network_evaluations == 2 * 64 * (TRAIN.bins + TRAIN.bins + 8)
 
 
 # budget and trace
@@ -289,7 +323,6 @@ def test_the_trace_has_series_of_one_length() -> None:
     assert {len(series) for series in learner.trace.values()} == {3}
     assert learner.trace["alpha"][0] == pytest.approx(0.618, abs=0.02)
     assert train(trainer("nerf"), 1).trace["alpha"] == [None]
-    assert trainer("nerf").amplifier_scalars() == {"alpha": None, "beta": None}
 
 
 @pytest.mark.parametrize("bins", [0, -1])
@@ -300,40 +333,24 @@ def test_less_than_one_bin_a_ray_is_refused(bins: int) -> None:
 
 # a mean that belongs to the field: moved by the steps of a training and by nothing else
 
-every_candidate = pytest.mark.parametrize("method", CANDIDATES)
-
 
 def mean_of(learner: Trainer) -> HeldMeanAmplifier:
     assert isinstance(learner.coarse.amplifier, HeldMeanAmplifier)
     return learner.coarse.amplifier
 
 
-@every_candidate
-def test_every_step_moves_it_and_nothing_else_does(method: str) -> None:
-    learner = trainer(method)
-    learner.warm_up(*rays_and_colours(seed=9))
-    assert float(mean_of(learner).mean.steps) == 0.0
-    train(learner, TRAIN.grid.first_step + 2)  # past the first refresh of the grid, which asks for densities as well
+@pytest.mark.parametrize("method", CANDIDATES)
+def test_every_step_moves_it_and_the_grid_does_not(method: str) -> None:
+    learner = train(trainer(method), TRAIN.grid.first_step + 2)
     assert float(mean_of(learner).mean.steps) == learner.step
     before = mean_of(learner).mean.value.clone()
     assert float(before) != 0.0
-    learner.render(rays_and_colours(seed=3)[0], 16)
-    learner.warm_up(*rays_and_colours(seed=3))
-    assert learner.grid is not None
     learner.grid.refresh(learner.coarse, 1.0, torch.Generator().manual_seed(1))
     assert torch.equal(mean_of(learner).mean.value, before)
 
 
-@every_candidate
-def test_alpha_is_reported_as_it_is_used(method: str) -> None:
-    scalars = trainer(method).amplifier_scalars()
-    assert scalars["alpha"] == pytest.approx(2.0 / (1.0 + math.sqrt(5.0)), rel=1e-6)
-    assert (scalars["beta"] is not None) == hasattr(trainer(method).coarse.amplifier, "beta")
-
-
 def test_the_coarse_and_the_fine_field_have_a_mean_each() -> None:
     learner = train(trainer("qnerf_running_mean", settings=replace(TRAIN, fine_bins=8)), 2)
-    assert learner.fine is not None
     fine = learner.fine.amplifier
     assert isinstance(fine, HeldMeanAmplifier)
     assert float(fine.mean.steps) == float(mean_of(learner).mean.steps) == 2.0

@@ -31,6 +31,8 @@ TRAIN = replace(tiny.TRAIN, clip_ratio=0.9)
 """Half of the gradients are clipped, by what was usual before."""
 METHODS = ("nerf", "qnerf", "qnerf_repaired")
 """Without an amplifier, with one, and with a mean that it holds."""
+Undisturbed = tuple[Path, dict[str, CellRecord]]
+"""The output folder and the cells of a group that was not stopped."""
 
 
 class Stopped(Exception):
@@ -59,7 +61,7 @@ def train(
 
 
 @pytest.fixture(scope="module")
-def undisturbed(ball: ViewSet, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, CellRecord]]:
+def undisturbed(ball: ViewSet, tmp_path_factory: pytest.TempPathFactory) -> Undisturbed:
     out = tmp_path_factory.mktemp("undisturbed")
     return out, train(ball, out)[0]
 
@@ -88,7 +90,7 @@ def files(out: Path) -> dict[str, bytes]:
 
 
 def test_a_group_that_was_stopped_twice_ends_in_the_bits_of_one_that_was_not(
-    ball: ViewSet, undisturbed: tuple[Path, dict[str, CellRecord]], stopped: Path
+    ball: ViewSet, undisturbed: Undisturbed, stopped: Path
 ) -> None:
     for step, until in ((14, 20 / 24), (20, 2.0)):
         cells, notices = train(ball, stopped, until=until)
@@ -128,45 +130,45 @@ def test_other_settings_or_code_begin_again(ball: ViewSet, stopped: Path, change
     assert read_unfinished(unfinished_path(stopped, "ball", "nerf", 0)).listing["step"] == 1
 
 
-def test_a_damaged_byte_is_found_and_its_cell_begins_again(
-    ball: ViewSet, undisturbed: tuple[Path, dict[str, CellRecord]], stopped: Path
-) -> None:
-    path = unfinished_path(stopped, "ball", "nerf", 0)
+def flipped(path: Path) -> None:
     data = bytearray(path.read_bytes())
     data[-9] ^= 4
     path.write_bytes(data)
-    with pytest.raises(DamagedRecord, match=r"nerf\.0\.safetensors"):
+    with pytest.raises(DamagedRecord, match=r"qnerf\.0\.safetensors"):
         read_unfinished(path)
-    cells, notices = train(ball, stopped)
-    assert notices[0] == "ball, nerf, seed 0: trained from the start, as its snapshot is damaged"
-    assert notices[1] == "ball, qnerf, seed 0: resumes at step 14"
-    assert without_time(cells["nerf"]) == without_time(undisturbed[1]["nerf"])
+
+
+def unfit(change: Callable[[Any, Any], object]) -> Callable[[Path], None]:
+    def spoil(path: Path) -> None:
+        kept = read_unfinished(path)
+        change(kept.listing, kept.tensors)
+        write_unfinished(path, kept)
+
+    return spoil
 
 
 @pytest.mark.parametrize(
-    "spoil",
+    ("spoil", "why"),
     [
-        lambda listing, tensors: listing.pop("curve"),
-        lambda listing, tensors: listing.update(due=9),
-        lambda listing, tensors: tensors.pop("optimiser.0.0.exp_avg"),
-        lambda listing, tensors: tensors.update({"trained.coarse.other": np.zeros(3, np.float32)}),
+        (flipped, "damaged"),
+        (unfit(lambda listing, _: listing.pop("curve")), "not compatible ("),
+        (unfit(lambda listing, _: listing.update(due=9)), "not compatible ("),
+        (unfit(lambda _, tensors: tensors.pop("optimiser.0.0.exp_avg")), "not compatible ("),
+        (unfit(lambda _, tensors: tensors.update({"trained.coarse.other": np.zeros(3, "f4")})), "not compatible ("),
     ],
 )
-def test_what_does_not_fit_is_said_and_its_cell_begins_again(
-    ball: ViewSet, undisturbed: tuple[Path, dict[str, CellRecord]], stopped: Path, spoil: Callable[[Any, Any], Any]
+def test_a_snapshot_that_does_not_fit_is_named_and_its_cell_begins_again(
+    ball: ViewSet, undisturbed: Undisturbed, stopped: Path, spoil: Callable[[Path], None], why: str
 ) -> None:
-    path = unfinished_path(stopped, "ball", "qnerf", 0)
-    kept = read_unfinished(path)
-    spoil(kept.listing, kept.tensors)
-    write_unfinished(path, kept)
-    _, notices = train(ball, stopped, until=0.0)
+    spoil(unfinished_path(stopped, "ball", "qnerf", 0))
+    cells, notices = train(ball, stopped)
     assert notices[0] == "ball, nerf, seed 0: resumes at step 14"
-    assert notices[1].startswith("ball, qnerf, seed 0: trained from the start, as its snapshot is not compatible (")
-    assert read_unfinished(path).listing["step"] == 1
+    assert notices[1].startswith(f"ball, qnerf, seed 0: trained from the start, as its snapshot is {why}")
+    assert without_time(cells["qnerf"]) == without_time(undisturbed[1]["qnerf"])
 
 
 def test_one_that_cannot_be_kept_is_said_once_and_trained_to_its_end(
-    ball: ViewSet, undisturbed: tuple[Path, dict[str, CellRecord]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ball: ViewSet, undisturbed: Undisturbed, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def odd(learner: Any) -> Unfinished:
         if learner.method == "qnerf":

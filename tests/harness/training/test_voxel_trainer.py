@@ -15,7 +15,7 @@ from safetensors.torch import load_file
 
 from harness.plan.group_task import GroupTask
 from harness.plan.schedule import Budget
-from harness.records.cells import CellRecord, read_cells
+from harness.records.cells import read_cells
 from harness.training import make_learner
 from harness.training.learner import Learner
 from harness.training.lockstep import train_group
@@ -139,7 +139,6 @@ def test_its_records_are_as_complete_as_those_of_others_and_it_learns(ball: View
     assert set(cell.trace) == set(TRACED)
     known = {name for name, value in other.scores.items() if value is not None}
     assert {name for name, value in cell.scores.items() if value is not None} == known
-    assert cell.scores["psnr"] is not None
     assert cell.scores["psnr"] > 17.0
     assert all(point.density is not None for point in cell.curve)
     assert cell.parameters["total"] == sum(n for name, n in cell.parameters.items() if name != "total")
@@ -177,12 +176,7 @@ def test_a_run_where_mitsuba_and_drjit_cannot_be_imported_goes_on_without_them(t
     command = [sys.executable, "-m", "harness", *options.split(), "--methods", "nerf", "voxels_drjit"]
     ran = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
     assert (ran.returncode, ran.stderr) == (0, "")
-    cells: dict[str, CellRecord] = {one.method: one for one in read_cells(tmp_path / "run")}
+    cells = {one.method: one for one in read_cells(tmp_path / "run")}
     assert {name: one.status for name, one in cells.items()} == {"nerf": "done", "voxels_drjit": "not_available"}
     reason = cells["voxels_drjit"].reason or ""
     assert "this test allows no Mitsuba" in reason or "LLVM" in reason
-    report = [sys.executable, "-m", "reports", "run"]
-    page = subprocess.run(report, cwd=tmp_path, env=environment, capture_output=True, text=True)
-    assert page.returncode == 0, page.stdout + page.stderr
-    html = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
-    assert "not available" in html

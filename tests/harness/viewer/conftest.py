@@ -5,20 +5,42 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-import torch
 
 from harness.playback.run_loader import FinishedRun, TrainedCell
+from harness.records.cells import cell_path, read_cell, read_run, write_cell, write_run
+from harness.training.checkpoints import checkpoint_path
 from harness.viewer.shown_run import ShownRun
+from tests.harness.tiny import CPU
+from tests.harness.trained_runs import train_run
 from tests.harness.viewer.site import Site, served
-from tests.harness.viewer.small_run import train
+from tests.replacing import replace
 
-CPU = torch.device("cpu")
+SIZE = 40
+"""Pixels: nine regions."""
+HOSTILE = "<img src=x onerror=\"document.title='taken'\"> & more"
+METHODS = {"nerf": HOSTILE, "qnerf": "Q-NeRF as listed", "nerf_matched": "never trained here"}
 
 
 @pytest.fixture(scope="session")
 def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Not to be changed."""
-    return train(tmp_path_factory.mktemp("viewer"))
+    """A run with hostile titles, next to its view set `ball`; not to be changed."""
+    out = train_run(tmp_path_factory.mktemp("viewer"), ["nerf", "qnerf"], steps=30, size=SIZE)
+    run = read_run(out)
+    write_run(out, replace(run, methods=METHODS, scenes=[replace(run.scenes[0], title=HOSTILE)]))
+    return out
+
+
+def shown_of(out: Path, methods: list[str] | None = None) -> ShownRun:
+    return ShownRun.of(out, None, methods, 0, out / "none", None, CPU)
+
+
+def add_second_scene(out: Path) -> None:
+    """Add a second name for the scene's views and the weights of nerf."""
+    run, name = read_run(out), "second"
+    scene = run.scenes[0]
+    shutil.copy(checkpoint_path(out, scene.name, "nerf", 0), checkpoint_path(out, name, "nerf", 0))
+    write_cell(out, replace(read_cell(cell_path(out, scene.name, "nerf", 0)), scene=name))
+    write_run(out, replace(run, scenes=[scene, replace(scene, name=name)]))
 
 
 @pytest.fixture
@@ -36,12 +58,12 @@ def cells(trained: Path) -> list[TrainedCell]:
 
 @pytest.fixture
 def shown(out: Path) -> ShownRun:
-    return ShownRun.of(out, None, None, 0, out / "none", None, CPU)
+    return shown_of(out)
 
 
 @pytest.fixture(scope="module")
 def site(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     """With a cache of its own, for the tests of one file."""
     out = Path(shutil.copytree(trained, tmp_path_factory.mktemp("site") / "run"))
-    with served(ShownRun.of(out, None, None, 0, out / "none", None, CPU)) as found:
+    with served(shown_of(out)) as found:
         yield found

@@ -67,7 +67,6 @@ def test_it_serves_until_it_is_stopped(out: Path, host: str, stop: signal.Signal
     """An interrupt as soon as the address is there ends it in order."""
     command = [sys.executable, "-m", "harness", "view", str(out), "--port", "0", "--no-browser", "--host", host]
     process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    assert process.stdout is not None
     line = process.stdout.readline()
     assert "http://" in line
     try:

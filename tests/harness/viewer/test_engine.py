@@ -1,21 +1,21 @@
 """A coarse frame, every region once, the plain picture at the end; then the cache; no rendering beyond the request."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-import torch
 
 from harness.playback.run_loader import TrainedCell
 from harness.playback.store import ViewStore
 from harness.training.batches import Camera
-from harness.training.scoring.evaluate import View, render_view
+from harness.training.scoring.evaluate import render_view
 from harness.training.scoring.metrics import psnr
 from harness.training.trainer import Diverged
 from harness.viewer.attended import Attention
-from harness.viewer.engine import FreshPixels, MethodView, frames
+from harness.viewer.engine import NOT_BY_REGIONS, FreshPixels, MethodView, frames
 from harness.viewer.requests import Orbit
+from tests.harness.patching import preceded
+from tests.harness.tiny import CPU
 
 ORBIT = Orbit((0.0, 0.0, 0.0), 0.7, 0.4, 4.0311)
 PLAIN, FOVEAL = Attention("none"), Attention("foveal", 0.2, 0.8)
@@ -31,50 +31,35 @@ def seats(cells: list[TrainedCell]) -> list[MethodView]:
     return [MethodView.of(cell, ViewStore()) for cell in cells]
 
 
-def plain(seat: MethodView, camera: Camera) -> View:
-    return render_view(seat.learner, camera.cameras(torch.device("cpu")), 0, seat.chunk)
-
-
 def of(shown: list[FreshPixels], method: str) -> list[FreshPixels]:
     return [frame for frame in shown if frame.method == method]
 
 
 @pytest.mark.parametrize("kind", ["foveal", "point", "gradients", "error", "none"])
-def test_a_view_is_coarse_then_refined_by_pixels_and_whole(seats: list[MethodView], camera: Camera, kind: str) -> None:
-    shown = list(frames(seats, camera, Attention(kind)))
-    for method in ("nerf", "qnerf"):
-        first, *parts, last = of(shown, method)
+def test_a_view_is_coarse_then_refined_by_pixels_and_in_the_end_the_plain_one(
+    seats: list[MethodView], camera: Camera, kind: str
+) -> None:
+    shown = list(frames(seats, camera, Attention(kind, 0.2, 0.8)))
+    for seat in seats:
+        first, *parts, last = of(shown, seat.name)
         assert (first.state, {part.state for part in parts}, last.state) == ("coarse", {"refining"}, "whole")
         assert (first.stride or 0) >= 2
         pixels = np.concatenate([part.pixels for part in parts])
         assert np.array_equal(np.sort(pixels), np.arange(camera.width * camera.height))
         assert [part.share for part in parts] == sorted(part.share for part in parts)
         assert parts[-1].share == 1.0
-        looks = 2 if kind == "error" and method == "nerf" else 1  # an estimate of error is another coarse frame
+        by_regions = seat.name == "nerf" and kind != "none"
+        looks = 2 if by_regions and kind == "error" else 1  # an estimate of error is another coarse frame
         assert last.rays == camera.width * camera.height + looks * first.rays
         assert last.evaluations == parts[-1].evaluations > 0
+        plain = render_view(seat.learner, camera.cameras(CPU), 0, seat.chunk)
         for name in ("colour", "opacity", "depth"):
-            pieces = np.concatenate([getattr(part, name) for part in parts])
-            assert np.array_equal(pieces, getattr(last, name)[pixels])
-
-
-@pytest.mark.parametrize("attention", [PLAIN, FOVEAL])
-def test_the_last_picture_is_the_plain_one(seats: list[MethodView], camera: Camera, attention: Attention) -> None:
-    shown = list(frames(seats, camera, attention))
-    for seat in seats:
-        last, wanted = of(shown, seat.name)[-1], plain(seat, camera)
-        exactly = attention is PLAIN or not seat.learner.field.pointwise
-        for name in ("colour", "opacity", "depth"):
-            expected = getattr(wanted, name).reshape(getattr(last, name).shape)
-            np.testing.assert_allclose(getattr(last, name), expected, rtol=0, atol=0 if exactly else 2e-5)
-
-
-def test_what_is_not_pointwise_is_refined_plainly_and_says_why(seats: list[MethodView], camera: Camera) -> None:
-    shown = list(frames(seats, camera, FOVEAL))
-    assert [seat.learner.field.pointwise for seat in seats] == [True, False]
-    assert {frame.note for frame in of(shown, "nerf")} == {""}
-    assert all("share a chunk" in frame.note for frame in of(shown, "qnerf"))
-    assert all(frame.note == "" for frame in frames(seats, camera, PLAIN))
+            pieces, whole = np.concatenate([getattr(part, name) for part in parts]), getattr(last, name)
+            assert np.array_equal(pieces, whole[pixels])
+            expected = getattr(plain, name).reshape(whole.shape)
+            np.testing.assert_allclose(whole, expected, rtol=0, atol=2e-5 if by_regions else 0)
+        note = NOT_BY_REGIONS if seat.name == "qnerf" and kind != "none" else ""
+        assert {frame.note for frame in of(shown, seat.name)} == {note}
 
 
 def test_the_second_time_it_is_out_of_the_cache(seats: list[MethodView], camera: Camera) -> None:
@@ -92,24 +77,12 @@ def test_the_second_time_it_is_out_of_the_cache(seats: list[MethodView], camera:
     assert {frame.cached for frame in frames(seats, elsewhere, FOVEAL)} == {None}
 
 
-def test_the_cache_outlives_the_program(cells: list[TrainedCell], camera: Camera, tmp_path: Path) -> None:
-    for place in (None, "disk"):
-        seat = MethodView.of(cells[0], ViewStore(1 << 24, tmp_path / "views", 1 << 24))
-        assert list(frames([seat], camera, FOVEAL))[-1].cached == place
-
-
 def test_nothing_is_rendered_that_is_not_asked_for(
     seats: list[MethodView], camera: Camera, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    calls = []
+    calls: list[object] = []
     for seat in seats:
-        render = seat.learner.render
-
-        def counted(rays: Any, *rest: Any, render: Any = render) -> Any:
-            calls.append(len(rays))
-            return render(rays, *rest)
-
-        monkeypatch.setattr(seat.learner, "render", counted)
+        preceded(monkeypatch, seat.learner, "render", lambda rays, *_: calls.append(rays))
     shown = frames(seats, camera, FOVEAL)
     assert calls == []
     for taken in range(1, 4):

@@ -9,42 +9,33 @@ import pytest
 
 from harness.viewer import engine, server
 from harness.viewer.server import MOST_STREAMS
+from tests.harness.patching import preceded
 from tests.harness.viewer.site import ORBIT, Site, wanted
 
 
-class Slow:
-    """Every call of rays takes a while and is counted."""
-
-    def __init__(self, site: Site, patch: pytest.MonkeyPatch) -> None:
-        self.calls = 0
-        scene = site.shown.scene("ball")
-        seat = site.worker.submit(site.shown.method_view, scene, "nerf").result()
-        render = seat.learner.render
-
-        def slowly(*arguments: Any) -> Any:
-            self.calls += 1
-            time.sleep(0.15)
-            return render(*arguments)
-
-        patch.setattr(seat.learner, "render", slowly)
-        patch.setattr(engine, "refine", lambda *rest: engine_refine(*rest, least_rays=1))
-
-
-engine_refine = engine.refine
-
-
 @pytest.fixture
-def slow(site: Site, monkeypatch: pytest.MonkeyPatch) -> Slow:
-    return Slow(site, monkeypatch)
+def calls(site: Site, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """The calls of rays of nerf, each of which takes a while."""
+    made: list[Any] = []
+    seat = site.worker.submit(site.shown.method_view, site.shown.scene("ball"), "nerf").result()
+    refine = engine.refine
+
+    def wait(*arguments: Any) -> None:
+        made.append(arguments)
+        time.sleep(0.15)
+
+    preceded(monkeypatch, seat.learner, "render", wait)
+    monkeypatch.setattr(engine, "refine", lambda *rest: refine(*rest, least_rays=1))
+    return made
 
 
-def began(site: Site, slow: Slow, **changes: Any) -> socket.socket:
+def began(site: Site, calls: list[Any], **changes: Any) -> socket.socket:
     """A request that is being rendered."""
-    line, calls = socket.create_connection(("127.0.0.1", site.port), timeout=60), slow.calls
+    line, before = socket.create_connection(("127.0.0.1", site.port), timeout=60), len(calls)
     body = wanted(**{"methods": ["nerf"], **changes})
     head = ["POST /render HTTP/1.1", "Host: localhost", "Content-Type: application/json", "Connection: close"]
     line.sendall("\r\n".join([*head, f"Content-Length: {len(body)}", "", ""]).encode() + body)
-    while slow.calls == calls:
+    while len(calls) == before:
         time.sleep(0.01)
     return line
 
@@ -54,26 +45,26 @@ def rest_of(line: socket.socket) -> bytes:
     return b"".join(iter(lambda: line.recv(65536), b""))
 
 
-def settled(slow: Slow) -> int:
-    """Calls, once there are no more."""
+def settled(calls: list[Any]) -> int:
+    """The number of calls, once there are no more."""
     before = -1
-    while before != slow.calls:
-        before = slow.calls
+    while before != len(calls):
+        before = len(calls)
         time.sleep(0.5)
     return before
 
 
-def test_one_who_leaves_stops_the_rendering(site: Site, slow: Slow) -> None:
-    with began(site, slow, place={**ORBIT, "azimuth": 3.0}, client="leaves"):
+def test_one_who_leaves_stops_the_rendering(site: Site, calls: list[Any]) -> None:
+    with began(site, calls, place={**ORBIT, "azimuth": 3.0}, client="leaves"):
         pass
-    assert 1 <= settled(slow) <= 4  # of a coarse frame and nine regions
+    assert 1 <= settled(calls) <= 4  # of a coarse frame and nine regions
 
 
-def test_a_newer_wish_stops_the_older_one_and_other_pages_go_on(site: Site, slow: Slow) -> None:
+def test_a_newer_wish_stops_the_older_one_and_other_pages_go_on(site: Site, calls: list[Any]) -> None:
     older, newer = {**ORBIT, "azimuth": 3.1}, {**ORBIT, "azimuth": 3.2}
     with (
-        began(site, slow, place=older, generation=70, client="one") as line,
-        began(site, slow, place=older, generation=1, client="another") as other,
+        began(site, calls, place=older, generation=70, client="one") as line,
+        began(site, calls, place=older, generation=1, client="another") as other,
     ):
         site.messages(place=newer, methods=["qnerf"], generation=71, client="one")
         given_up, whole = rest_of(line), rest_of(other)
@@ -86,23 +77,23 @@ def test_a_newer_wish_stops_the_older_one_and_other_pages_go_on(site: Site, slow
     assert site.render(place=ORBIT, generation=70, client="one")[0] == 409
 
 
-def test_no_more_views_are_begun_than_memory_is_for(site: Site, slow: Slow) -> None:
+def test_no_more_views_are_begun_than_memory_is_for(site: Site, calls: list[Any]) -> None:
     place = {**ORBIT, "azimuth": 3.4}
     with ExitStack() as open_ones:
         for number in range(MOST_STREAMS):
-            open_ones.enter_context(began(site, slow, place=place, client=f"page {number}"))
+            open_ones.enter_context(began(site, calls, place=place, client=f"page {number}"))
         status, answer = site.render(client="one more")
         assert (status, f"{MOST_STREAMS} views are being rendered" in answer.decode()) == (503, True)
         assert site.ask("GET", "/run.json")[0] == 200
-    settled(slow)  # who has left makes room
+    settled(calls)  # who has left makes room
     for _ in range(MOST_STREAMS + 1):
         assert site.messages(methods=["qnerf"])[-1][0]["kind"] == "end"
         assert site.render(scene="nothing")[0] == 400
 
 
-def test_a_page_that_is_forgotten_is_told(site: Site, slow: Slow, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_page_that_is_forgotten_is_told(site: Site, calls: list[Any], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(server, "MOST_CLIENTS", 1)
-    with began(site, slow, place={**ORBIT, "azimuth": 3.5}, client="forgotten") as line:
+    with began(site, calls, place={**ORBIT, "azimuth": 3.5}, client="forgotten") as line:
         assert site.render(methods=["qnerf"], client="another")[0] == 200
         stream = rest_of(line)
     assert b'"kind": "given up"' in stream

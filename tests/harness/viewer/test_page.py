@@ -7,13 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
 
 from harness.viewer import engine
 from harness.viewer.requests import Orbit
 from harness.viewer.shown_run import ShownRun
+from tests.harness.viewer.conftest import HOSTILE, add_second_scene, shown_of
 from tests.harness.viewer.site import Site, served
-from tests.harness.viewer.small_run import HOSTILE, add_second_scene
 from tests.reports.browsing import until
 
 pytestmark = pytest.mark.slow
@@ -158,7 +157,7 @@ def test_methods_are_loaded_when_chosen_and_one_that_cannot_be_shown_says_why(br
 def two(out: Path) -> Iterator[Site]:
     """Two scenes."""
     add_second_scene(out)
-    with served(ShownRun.of(out, None, ["nerf"], 0, out / "none", None, torch.device("cpu"))) as found:
+    with served(shown_of(out, ["nerf"])) as found:
         yield found
 
 

@@ -14,8 +14,8 @@ from harness.viewer.shown_run import ShownRun
 from scenes.files.errors import InputError
 from scenes.view_sets.images import read_image
 from scenes.view_sets.pixels import over_white
+from tests.harness.viewer.conftest import SIZE
 from tests.harness.viewer.site import BYTES_PER_PIXEL, ORBIT, Site, unpacked, wanted
-from tests.harness.viewer.small_run import SIZE
 from tests.replacing import replace
 
 

@@ -1,6 +1,7 @@
 """Methods that no table of all scenes has: a guest of another family, and further methods on one scene.
 
-A guest has a sentence, a curve and a row of costs; a further method has a row in a table of its own.
+A guest has a sentence, a curve and a row of costs; a further method has a row in a table of its own. A method whose
+library is missing is shown with its reason, is not counted as a failure, and has no effect on other methods.
 """
 
 import math
@@ -11,14 +12,17 @@ from msgspec.structs import replace
 
 from harness.records.cells import CellRecord, RunRecord, write_cell, write_comparisons
 from harness.verdicts.comparisons import compare
+from reports.__main__ import main
 from reports.claims.first_screen import guests
+from reports.claims.headline import headline
+from reports.claims.psnr_table import scores_grid
 from reports.data.load import Records, read_records
 from reports.run.curves import convergence
 from reports.run.density import further_grid, printed_form, separation
-from reports.run.metrics_table import costs_grid
+from reports.run.metrics_table import costs_grid, metrics_grid
 from reports.run.run_page import page
 from reports.run.saving.publish import summary
-from tests.reports.fake_run import fake_records
+from tests.reports.fake_run import METHODS, fake_records
 
 GUEST, PRINTED = "splats", "qnerf_printed"
 FURTHER = {"nerf_phi_encoding": 20.0, "nerf_no_shift": 24.0}
@@ -120,3 +124,45 @@ def test_separation_is_the_share_of_pairs_in_which_the_point_inside_is_denser() 
     assert separation(counts) == pytest.approx(pairs, rel=1e-12)
     assert separation({"after": [1.0]}) is None
     assert separation({"after_inside": [0.0, 0.0], "after_outside": [0.5, 0.5]}) is None
+
+
+REASON = "no shared library of LLVM 16 or newer"
+
+
+def absent(cell):
+    if cell.method != "voxels_drjit":
+        return cell
+    return replace(cell, status="not_available", reason=REASON, steps=0, train_seconds=0.0,
+                   scores=dict.fromkeys(cell.scores), curve=[], views=[], trace={}, pictures=None)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def lacking(tmp_path_factory) -> Records:
+    methods = {**METHODS, "voxels_drjit": "explicit voxels"}
+    return fake_records(tmp_path_factory.mktemp("lacking") / "run", methods=methods, change_cell=absent)
+
+
+def test_a_missing_library_is_no_failure_and_the_page_says_it_once_on_the_first_screen(lacking, capsys):
+    assert lacking.failed == []
+    assert lacking.not_available == {"voxels_drjit": {REASON: 6}}
+    assert main([str(lacking.out)]) == 0
+    assert f"voxels_drjit: not available ({REASON})" in capsys.readouterr().out.splitlines()
+    text = (lacking.out / "report.html").read_text(encoding="utf-8")
+    top = text[: text.index("<nav")]
+    assert "voxels_drjit was not available</b> in 6 of 24 cells, which is not a failure: " + REASON in top
+    assert "did not finish" not in top
+
+
+def test_tables_state_why_a_method_is_not_available_without_alarm(lacking):
+    row = scores_grid(lacking).rows[0]
+    entry = row[2 + lacking.methods.index("voxels_drjit")]
+    assert (entry.text, entry.small, entry.tone) == ("3 of 3 not available", REASON, "muted")
+    named = next(row[1] for row in metrics_grid(lacking).rows if row[1].text == "voxels_drjit")
+    assert (named.small, named.tone) == ("3 of 3 not available", "muted")
+
+
+def test_the_other_methods_keep_their_averages(lacking, whole):
+    assert scores_grid(lacking).totals[0][2:5] == scores_grid(whole).totals[0][2:5]
+    said = headline(lacking).sentences[0]
+    assert said == headline(whole).sentences[0]
+    assert "voxels_drjit" not in said

@@ -10,9 +10,9 @@ from reports.data.load import Records, read_records
 from reports.page.script import content_policy
 from reports.page.shell import flat
 from reports.run.ceiling import ceilings
-from reports.run.run_page import page, write_page
+from reports.run.run_page import page
 from tests.replacing import replace
-from tests.reports.fake_run import EIGHT, fake_records, write_fake_run
+from tests.reports.fake_run import fake_records, write_fake_run
 
 HOSTILE = "<script>alert('$\\frac$')</script>"
 """Markup, and a formula that Matplotlib cannot parse."""
@@ -127,20 +127,6 @@ def test_an_unfinished_run_where_everything_failed_is_still_a_page(tmp_path):
         assert words in text, words
 
 
-def test_one_scene_one_seed_is_a_page_too(tmp_path):
-    text = page(fake_records(tmp_path / "run", scenes=("chair",), seeds=1))
-    assert "side by side on 1 scene<" in text
-    assert "±" not in text[text.index('<section id="psnr">') : text.index("sample standard deviation") - 40]
-
-
-@pytest.mark.thorough
-@pytest.mark.slow
-def test_eight_scenes_stay_under_15_megabytes(tmp_path):
-    out = write_fake_run(tmp_path / "run", EIGHT, size=128)
-    write_page(read_records(out), tmp_path / "report.html")
-    assert (tmp_path / "report.html").stat().st_size < 15_000_000
-
-
 def test_settings_are_flattened():
     assert flat({"a": {"b": 1, "c": [1, True]}, "d": None}) == [("a.b", "1"), ("a.c", "1, yes"), ("d", "–")]
 
@@ -162,9 +148,13 @@ def bounded(limit: float, *opacities: float) -> dict[str, list[float | None]]:
     return {"density_limit": [limit], "opacity_of_a_pixel": list(opacities), "weight_at_ceiling": [0.25]}
 
 
-def test_a_constant_that_limits_a_method_is_named(whole: Records) -> None:
+def test_a_constant_that_limits_a_method_is_named_below_the_headline(whole: Records, whole_page: str) -> None:
     assert ceilings(whole) == [], "no record has the properties"
-    (line,) = ceilings(with_properties(whole, nerf=UNBOUNDED, qnerf=bounded(25.0, 0.38)))
+    assert "<dt>Ceiling</dt>" not in whole_page
+    limited = with_properties(whole, nerf=UNBOUNDED, qnerf=bounded(25.0, 0.38))
+    text = page(limited)
+    assert text.index("<h1>") < text.index("<dt>Ceiling</dt>") < text.index("<dt>Scale</dt>")
+    (line,) = ceilings(limited)
     cells = sum(cell.method == "qnerf" for cell in whole.cells)
     assert line == (
         "qnerf: at its largest density, 25 per half box, geometry one pixel thick has an opacity of 0.38; "
@@ -178,9 +168,3 @@ def test_the_thinnest_cell_decides_whether_it_limits(whole: Records, opacities, 
     (line,) = ceilings(with_properties(whole, qnerf=bounded(250.0, *opacities)))
     assert line.endswith("limits qnerf at this resolution.") == limits
     assert f"an opacity of {'0.9899' if limits else '0.9900'} to 0.9999;" in line
-
-
-def test_the_page_has_the_lines_below_the_headline(whole: Records, whole_page: str) -> None:
-    text = page(with_properties(whole, qnerf=bounded(25.0, 0.38)))
-    assert text.index("<h1>") < text.index("<dt>Ceiling</dt>") < text.index("<dt>Scale</dt>")
-    assert "<dt>Ceiling</dt>" not in whole_page

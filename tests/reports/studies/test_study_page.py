@@ -115,11 +115,6 @@ def test_a_table_of_numbers_is_set_to_the_right_and_a_gap_is_a_dash():
     assert '<td class="muted words">–</td>' in text
 
 
-def test_a_report_without_studies_has_no_trace_of_them(whole_page):
-    assert "stability" not in seen(whole_page).lower()
-    assert not any(words in whole_page for words in ("stability.html", "speed.html", "evidence.html"))
-
-
 def test_a_record_comes_back_as_it_was_written_but_for_what_is_not_finite(tmp_path):
     record = fake_studies("stability")
     read = find_studies(write_fake_studies(tmp_path, record), "stability")

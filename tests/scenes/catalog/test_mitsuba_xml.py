@@ -51,13 +51,6 @@ def test_images_depend_on_all_that_mitsuba_reads(tmp_path: Path, files: dict[str
         assert xml_scene(file, "mine").build() != before
 
 
-def test_a_link_and_its_target_are_one_file(tmp_path: Path) -> None:
-    file = written(tmp_path, {"top.xml": BALL + OBJ.format("a.obj") + OBJ.format("sub/../m.obj"), "m.obj": "1"})
-    (tmp_path / "sub").mkdir()
-    (tmp_path / "a.obj").symlink_to("m.obj")
-    assert files_of(file) == {"top.xml", "m.obj"}
-
-
 def test_includes_that_double_are_read_once_and_too_many_are_refused(tmp_path: Path) -> None:
     def chain(levels: int, times: int) -> Path:
         files = {f"{i}.xml": f'<include filename="{i + 1}.xml"/>' * times for i in range(levels)}
@@ -92,12 +85,6 @@ def test_the_depth_of_light_paths(tmp_path: Path, value: str, depth: int) -> Non
     assert xml_scene(written(tmp_path, {"top.xml": text}), "mine").max_depth == depth
 
 
-def up_of(folder: Path, transform: str) -> list[float]:
-    sensor = f'<sensor type="perspective"><transform name="to_world">{transform}</transform></sensor>'
-    up: list[float] = xml_scene(written(folder, {"top.xml": BALL + sensor}), "mine").build()["file"]["up"]
-    return up
-
-
 @pytest.mark.parametrize(
     ("transform", "up"),
     [
@@ -112,7 +99,9 @@ def up_of(folder: Path, transform: str) -> list[float]:
     ],
 )
 def test_up_is_that_of_the_first_sensor(transform: str, up: tuple[float, ...], tmp_path: Path) -> None:
-    assert up_of(tmp_path, transform) == pytest.approx(up, abs=1e-12)
+    sensor = f'<sensor type="perspective"><transform name="to_world">{transform}</transform></sensor>'
+    scene = xml_scene(written(tmp_path, {"top.xml": BALL + sensor}), "mine")
+    assert scene.build()["file"]["up"] == pytest.approx(up, abs=1e-12)
 
 
 def test_a_document_type_is_refused_in_any_encoding(tmp_path: Path) -> None:

@@ -73,12 +73,10 @@ def test_a_file_that_is_no_scene(tmp_path: Path, text: str, message: str) -> Non
         ("raise SystemExit(3)", "SystemExit in line 1"),
         (f"{IMPORT}def build():\n    return {{}}['x']\nSCENE = Scene('a', 'b', build)", "KeyError in line 3"),
         ("import os\nos._exit(0)", "mine.py: ends the process with exit code 0"),
-        ("raise KeyboardInterrupt", "mine.py: raises KeyboardInterrupt"),
         (
             f"{IMPORT}import random\nSCENE = Scene('a', 'b', lambda: {{'x': random.random()}})",
             "gives a different result each time",
         ),
-        ("open('none.txt')", "FileNotFoundError in line 1: .*none.txt"),
         (f"{IMPORT}SCENE = Scene('a', 'b', lambda: [1])", "build.. gives list"),
         (f"{IMPORT}SCENE = Scene('a', 'b', dict, near=7.0)", "near 7.0"),
     ],
@@ -149,10 +147,13 @@ def test_a_placed_scene_is_upright_right_handed_and_seen_whole(up: tuple[float, 
 # --- through Mitsuba
 
 
-def rendered(file: Path, cache: Path, capsys: pytest.CaptureFixture[str], spp: str = "4") -> Path:
-    command = ["render", "--scene-file", str(file), "--resolution", "24", "--train", "2", "--test", "1"]
-    command += ["--spp-train", spp, "--spp-test", spp, "--view-sets", str(cache), "--variant", "scalar_rgb"]
-    assert main(command) == 0
+def render(file: Path, cache: Path, *options: str) -> int:
+    command = ["render", "--scene-file", str(file), "--view-sets", str(cache), "--variant", "scalar_rgb"]
+    return main([*command, "--train", "2", "--spp-train", "4", *options])
+
+
+def rendered(file: Path, cache: Path, capsys: pytest.CaptureFixture[str]) -> Path:
+    assert render(file, cache, "--resolution", "24", "--test", "1", "--spp-test", "4") == 0
     events = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     assert "note" in events[0]
     return Path(events[-1]["path"])
@@ -212,8 +213,7 @@ ROUGH: dict[str, tuple[str, str]] = {
 def test_what_mitsuba_refuses_is_one_line(name: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     text, message = ROUGH[name]
     file = written(tmp_path, text, name)
-    command = ["render", "--scene-file", str(file), "--resolution", "8", "--train", "1", "--test", "0"]
-    assert main([*command, "--view-sets", str(tmp_path / "cache"), "--variant", "scalar_rgb", "--spp-train", "2"]) == 2
+    assert render(file, tmp_path / "cache", "--resolution", "8", "--test", "0") == 2
     err = capfd.readouterr().err.strip()
     assert re.search(message, err), err
     assert str(file) in err

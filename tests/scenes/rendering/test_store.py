@@ -25,7 +25,7 @@ from scenes.rendering.order import NoiseTarget, Order
 from scenes.rendering.store import checked_order, is_complete
 from scenes.rendering.writer import Standing
 from scenes.view_sets.manifest import check_all
-from scenes.view_sets.view_set import ViewSet, read_view_set
+from scenes.view_sets.view_set import read_view_set
 from tests.scenes.captures import flip
 
 ROOT = Path(scenes.__file__).parents[1]
@@ -73,32 +73,28 @@ def order_of(scene: Scene, **changes: object) -> Order:
 def test_the_digest_depends_on_everything(tiny_scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     description = tiny_scene.build()
     base = order_of(tiny_scene)
-    scaled = replace(base, similarity=Similarity(2.0, (0.0, 0.0, 0.0)))
-    digests = [base.digest("scalar_rgb"), base.digest("llvm_ad_rgb"), scaled.digest("scalar_rgb")]
     moved = {**description, "ball": {**description["ball"], "radius": 0.6000001}}
     vertices = description["floor"]["vertices"].copy()
     vertices[0, 0] = np.nextafter(vertices[0, 0], 2)
     bent = {**description, "floor": {**description["floor"], "vertices": vertices}}
-    for scene in (
-        replace(tiny_scene, build=lambda: moved),
-        replace(tiny_scene, build=lambda: bent),
-        replace(tiny_scene, max_depth=5),
-        replace(tiny_scene, view_from="sphere"),
-        replace(tiny_scene, emitters_seen=True),
-        replace(tiny_scene, box=((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0))),
-    ):
-        digests.append(order_of(scene).digest("scalar_rgb"))
-    for change in (
-        {"resolution": 9},
-        {"counts": {"train": 4, "val": 0, "test": 2}},
-        {"spp": SPP | {"test": 5}},
-    ):
-        digests.append(order_of(tiny_scene, **change).digest("scalar_rgb"))
+    orders = [
+        base,
+        replace(base, similarity=Similarity(2.0, (0.0, 0.0, 0.0))),
+        order_of(replace(tiny_scene, build=lambda: moved)),
+        order_of(replace(tiny_scene, build=lambda: bent)),
+        order_of(replace(tiny_scene, max_depth=5)),
+        order_of(replace(tiny_scene, view_from="sphere")),
+        order_of(replace(tiny_scene, emitters_seen=True)),
+        order_of(replace(tiny_scene, box=((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)))),
+        order_of(tiny_scene, resolution=9),
+        order_of(tiny_scene, counts={"train": 4, "val": 0, "test": 2}),
+        order_of(tiny_scene, spp=SPP | {"test": 5}),
+    ]
+    digests = [base.digest("llvm_ad_rgb"), *(order.digest("scalar_rgb") for order in orders)]
+    assert order_of(tiny_scene).digest("scalar_rgb") == digests[1]
     monkeypatch.setattr("scenes.rendering.order.versions", lambda: {"mitsuba": "9.9.9"})
-    digests.append(order_of(tiny_scene).digest("scalar_rgb"))
+    digests.append(base.digest("scalar_rgb"))
     assert len(set(digests)) == len(digests)
-    monkeypatch.undo()
-    assert order_of(tiny_scene).digest("scalar_rgb") == digests[0]
 
 
 def test_a_set_that_another_processor_rendered_is_used(tiny_scene: Scene) -> None:
@@ -157,7 +153,6 @@ def test_what_cannot_be_hashed_is_refused() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"resolution": 0}, "resolution 0"),
         ({"resolution": 100_000}, "resolution 100000"),
         ({"counts": {"train": 101, "val": 0, "test": 0}}, "101 train views"),
         ({"counts": {"train": -1, "val": 0, "test": 0}}, "--train -1"),
@@ -182,7 +177,6 @@ def test_bad_requests_are_refused(render_tiny: Render, tmp_path: Path, changes: 
     [
         (errno.ENOSPC, "disk is full"),
         (errno.EROFS, "not writable"),
-        (errno.EACCES, "not writable"),
         (errno.EIO, "cannot"),
     ],
 )
@@ -269,34 +263,12 @@ def test_a_killed_rendering_leaves_nothing_that_is_used(tmp_path: Path) -> None:
     assert done.stderr == ""
 
 
-def test_two_processes_at_once(tmp_path: Path) -> None:
-    both = [subprocess.Popen(command(tmp_path), cwd=ROOT, stdout=subprocess.PIPE, text=True) for _ in range(2)]
-    paths = [json.loads(process.communicate()[0].splitlines()[-1])["path"] for process in both]
-    assert paths[0] == paths[1]
-    assert is_complete(Path(paths[0]))
-    assert [str(path) for path in tmp_path.iterdir()] == [paths[0]]
-
-
-def small(name: str, cache: Path) -> ViewSet:
-    counts, spp = {"train": 2, "val": 0, "test": 1}, {"train": 2, "val": 2, "test": 2}
-    return read_view_set(
-        store.ensure_view_set(name, resolution=8, counts=counts, spp=spp, cache_folder=cache, variant="scalar_rgb")
+def test_a_scene_in_another_unit_is_normalised_and_the_manifest_says_so(tmp_path: Path) -> None:
+    counts = {"train": 1, "val": 0, "test": 0}
+    result = read_view_set(
+        store.ensure_view_set("huge", resolution=8, counts=counts, spp=SPP, cache_folder=tmp_path, variant="scalar_rgb")
     )
-
-
-@pytest.mark.parametrize(("name", "scale"), [("tiny", 1e4), ("huge", 1e-4)])
-def test_a_scene_in_another_unit_is_normalised_and_the_manifest_says_so(
-    tmp_path: Path, name: str, scale: float
-) -> None:
-    result = small(name, tmp_path)
     change = result.rendered["normalised"]
-    assert change["scale"] == pytest.approx(scale, rel=1e-6)
+    assert change["scale"] == pytest.approx(1e-4, rel=1e-6)
+    assert change["shift"] == pytest.approx([-10.0, 10.0, -5.0], abs=1e-5)
     assert np.abs(result.bounds).max() == pytest.approx(1.021, abs=1e-3)
-    assert name == "tiny" or change["shift"] == pytest.approx([-10.0, 10.0, -5.0], abs=1e-5)
-
-
-def test_an_empty_scene_has_the_box_that_it_declares(tmp_path: Path) -> None:
-    result = small("empty", tmp_path)
-    assert result.bounds == pytest.approx(np.array([[-1.021] * 3, [1.021] * 3]))
-    assert not any(rgba.any() for rgba in result.train.rgba)
-    assert result.rendered["normalised"] is None

@@ -111,11 +111,8 @@ def test_our_own_rendered_sets_come_with_both(view_set: Path) -> None:
 
 def test_what_is_no_view_set_and_no_place_to_export_to(tmp_path: Path, ball: Path) -> None:
     (tmp_path / "a.txt").write_text("x")
-    for path, message in ((tmp_path / "a.txt", "not a view set"), (tmp_path / "none", "no such folder")):
-        with pytest.raises(InputError, match=message):
-            read_view_set(path)
-    with pytest.raises(InputError, match="exists already"):
-        export(ball, "blender", tmp_path / "a.txt")
+    with pytest.raises(InputError, match="not a view set"):
+        read_view_set(tmp_path / "a.txt")
     with pytest.raises(InputError, match=r"ends in \.npz"):
         export(ball, "npz", tmp_path / "a.tiny")
     with pytest.raises(InputError, match="cannot be written"):

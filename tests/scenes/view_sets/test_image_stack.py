@@ -32,9 +32,7 @@ def test_what_is_read_is_what_was_appended(tmp_path: Path, shape: tuple[int, ...
     assert stack.pixels(index[:0]).shape == (0, *shape[2:])
 
 
-def test_what_is_read_can_be_changed_and_an_image_that_is_not_there_or_of_another_size_is_refused(
-    tmp_path: Path,
-) -> None:
+def test_what_is_read_is_a_copy_and_another_index_or_size_is_refused(tmp_path: Path) -> None:
     stack = ImageStack.of(images(), tmp_path)
     stack[2][:] = 0.0
     assert np.array_equal(stack[2], images()[2])

@@ -42,12 +42,9 @@ def test_what_is_written_is_read(folder: Path) -> None:
     assert frames.fov_x_radians == 0.69
     assert np.array_equal(frames.camera_to_world, POSES)
     assert [file.name for file in frames.files] == ["r_0.png", "r_1.png", "r_2.png"]
-    # the format is that of the field
+    # the format is that of the field; `test_export.py` reads it as others do
     data = json.loads((folder / "transforms_train.json").read_text())
-    assert set(data) == {"camera_angle_x", "frames"}
     assert set(data["frames"][0]) == {"file_path", "rotation", "transform_matrix"}
-    assert data["frames"][1]["file_path"] == "./train/r_1"
-    assert np.shape(data["frames"][0]["transform_matrix"]) == (4, 4)
 
 
 @pytest.mark.parametrize(
@@ -157,7 +154,6 @@ def matrix_with(row: int, column: int, value: Any) -> list[list[Any]]:
 
 IN_A_FRAME: dict[str, tuple[dict[str, Any], str]] = {
     "no path": ({"file_path": None}, "`null` .*file_path"),
-    "empty path": ({"file_path": ""}, "file_path"),
     "path with a zero": ({"file_path": "a\0b"}, "file_path"),
     "path upwards": ({"file_path": "../outside"}, "leaves the folder"),
     "path upwards, hidden": ({"file_path": "train/../../outside.png"}, "leaves the folder"),
@@ -166,24 +162,18 @@ IN_A_FRAME: dict[str, tuple[dict[str, Any], str]] = {
     "drive": ({"file_path": "C:\\x.png"}, "leaves the folder"),
     "link outside": ({"file_path": "train/link"}, "link out of the folder"),
     "path too long": ({"file_path": "x" * 5000}, "file_path"),
-    "missing image": ({"file_path": "./train/r_9"}, "no image"),
-    "folder as image": ({"file_path": "./train"}, "no image"),
     "twice the same": ({"file_path": "./train/r_1"}, "list each image once"),
     "three rows": ({"transform_matrix": POSES[0].tolist()[:3]}, "four rows"),
     "ragged": ({"transform_matrix": [*POSES[0].tolist()[:3], [0, 0, 1]]}, "four rows"),
     "text in the matrix": ({"transform_matrix": matrix_with(1, 2, "x")}, r"`str` .*transform_matrix\[1\]\[2\]"),
     "truth in the matrix": ({"transform_matrix": matrix_with(0, 0, True)}, "`bool` .*finite numbers"),
     "huge integer": ({"transform_matrix": matrix_with(0, 0, 10**400)}, "finite"),
-    "scaled": ({"transform_matrix": np.diag([2.0, 2, 2, 1]).tolist()}, "not a rotation"),
 }
-"""`test_viewpoints.py` and case C1 have other matrices and angles that are none."""
+"""`test_viewpoints.py` and case C1 have matrices and angles that are none, `tests/hostile` other images and lenses."""
 AT_THE_TOP: dict[str, tuple[dict[str, Any], str]] = {
     "no angle": ({"camera_angle_x": None}, "neither camera_angle_x nor fl_x"),
-    "angle of another type": ({"camera_angle_x": "0.69"}, "`str` .*camera_angle_x"),
     "angle in degrees": ({"camera_angle_x": 39.6}, "radians"),
     "zero frames": ({"frames": []}, "length >= 1 .*frames"),
-    "frame of another type": ({"frames": [7]}, r"`int` .*frames\[0\]"),
-    "two focal lengths": ({"fl_x": 100.0, "fl_y": 90.0}, "camera_angle_x is 0.69, and fl_x and w say 0.0399"),
     "two angles": ({"camera_angle_y": 0.5, "w": 40, "h": 40}, "camera_angle_y is 0.5, and of square pixels it is 0.69"),
     "only a vertical focal length": ({"fl_y": 90.0}, "fl_y without fl_x"),
     "no width": ({"cx": 2.0, "w": 0}, r"`float` > 1e-06 .*\.w`"),
@@ -191,9 +181,7 @@ AT_THE_TOP: dict[str, tuple[dict[str, Any], str]] = {
     "a panorama": ({"camera_model": "EQUIRECTANGULAR"}, "EQUIRECTANGULAR.*undistort"),
     "two distortions": ({"k1": 0.1, "distortion_params": [0.2]}, "k1 is 0.1, and 0.2 in distortion_params"),
     "a long list": ({"distortion_params": [0.0] * 6 + [0.1]}, "distortion_params has 7 numbers"),
-    "no pinhole": ({"cx": 9.0, "w": 4, "h": 4}, "no pinhole fits"),
     "a mask": ({"mask_path": "mask.png"}, "mask_path.*alpha"),
-    "distortion of another type": ({"distortion_params": 0.1}, "`float` .*distortion_params"),
     "distortion of a high order": ({"k6": 0.1}, "k6 is 0.1"),
 }
 
@@ -213,7 +201,6 @@ def test_bad_values_are_refused(folder: Path, name: str) -> None:
     ("content", "message"),
     [
         (b"{", "not valid JSON"),
-        (b"\xff\xfe\x00", "not valid JSON"),
         (b"[]", "Expected `object`"),
         (b'{"camera_angle_x": NaN, "frames": []}', "NaN is not a number"),
         (b'{"camera_angle_x": Infinity, "frames": []}', "Infinity is not a number"),

@@ -11,7 +11,6 @@ from scenes.view_sets.viewpoints import (
     TILT,
     all_poses,
     camera_to_world,
-    check_field_of_view,
     check_poses,
     evenly_spread,
     look_at,
@@ -105,8 +104,6 @@ def good_pose() -> np.ndarray:
     [
         ("NaN", lambda m: m.__setitem__((0, 0), np.nan)),
         ("infinity", lambda m: m.__setitem__((0, 3), np.inf)),
-        ("rotation", lambda m: m.__setitem__((slice(0, 3), slice(0, 3)), 0)),
-        ("rotation", lambda m: m.__setitem__((slice(0, 3), slice(0, 3)), 2 * m[:3, :3])),
         ("rotation", lambda m: m.__setitem__((slice(0, 3), 0), -m[:3, 0])),
         ("last row", lambda m: m.__setitem__((3, 0), 1)),
         ("single precision", lambda m: m.__setitem__((0, 3), 1e7)),
@@ -134,11 +131,8 @@ def test_looking_at_the_origin_is_standing_on_the_sphere(azimuth: float, elevati
 @pytest.mark.parametrize(
     ("origin", "target", "up", "message"),
     [
-        ([1, 2, 3], [1, 2, 3], [0, 0, 1], "stands on its target"),
         ([1e5, 0, 0], [1e5, 1e-6, 0], [0, 0, 1], "stands on its target"),
-        ([0, 0, 4], [0, 0, 0], [0, 0, 1], "lies along the view"),
         ([0, 0, 4], [0, 0, 0], [1e-9, 0, -3], "lies along the view"),
-        ([4, 0, 0], [0, 0, 0], [0, 0, 0], "lies along the view"),
         ([4, 0, np.nan], [0, 0, 0], [0, 0, 1], "origin"),
         ([4, 0, 0], [0, np.inf, 0], [0, 0, 1], "target"),
         ([4, 0, 0], [0, 0, 0], [0, 1], "up"),
@@ -147,12 +141,6 @@ def test_looking_at_the_origin_is_standing_on_the_sphere(azimuth: float, elevati
 def test_undefined_views_are_refused(origin: list[float], target: list[float], up: list[float], message: str) -> None:
     with pytest.raises(InputError, match=message):
         look_at(np.array(origin), np.array(target), np.array(up))
-
-
-@pytest.mark.parametrize("radians", [0.0, -0.1, np.pi, 4.0, np.inf, np.nan])
-def test_an_invalid_field_of_view_is_refused(radians: float) -> None:
-    with pytest.raises(InputError, match=r"the lens: .*between 0.0017 and π"):
-        check_field_of_view(radians, "the lens")
 
 
 def test_repeated_views_are_found_for_any_sign_of_zero() -> None:

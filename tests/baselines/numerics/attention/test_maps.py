@@ -119,13 +119,16 @@ SIZES = [(8, 8, 4), (7, 10, 3), (1, 1, 5), (5, 1, 2), (3, 9, 1), (4, 6, 100)]
 
 
 @pytest.mark.parametrize(("height", "width", "tile"), SIZES)
-def test_every_pixel_lies_in_exactly_one_region(height: int, width: int, tile: int) -> None:
+def test_every_pixel_lies_in_one_region_and_means_are_those_of_its_pixels(height: int, width: int, tile: int) -> None:
     regions = Regions(height, width, tile)
     together = np.concatenate([regions.pixels(region) for region in range(regions.count)])
     assert sorted(together.tolist()) == list(range(height * width))
     assert regions.rays.tolist() == [len(regions.pixels(region)) for region in range(regions.count)]
     for region in range(regions.count):
         assert set(regions.of_pixel.reshape(-1)[regions.pixels(region)]) == {region}
+    values = np.random.default_rng(1).uniform(size=(height, width))
+    slow = [values.reshape(-1)[regions.pixels(region)].mean() for region in range(regions.count)]
+    np.testing.assert_allclose(regions.mean(values), slow, rtol=1e-14)
 
 
 def test_regions_are_squares_numbered_row_by_row() -> None:
@@ -134,14 +137,6 @@ def test_regions_are_squares_numbered_row_by_row() -> None:
     assert regions.pixels(1).tolist() == [3, 4, 5, 10, 11, 12, 17, 18, 19]
     assert regions.pixels(5).tolist() == [27, 34]
     assert regions.corner(5) == (3, 6, 2, 1)
-
-
-@pytest.mark.parametrize(("height", "width", "tile"), SIZES)
-def test_means_are_those_of_the_pixels(height: int, width: int, tile: int) -> None:
-    regions = Regions(height, width, tile)
-    values = np.random.default_rng(1).uniform(size=(height, width))
-    slow = [values.reshape(-1)[regions.pixels(region)].mean() for region in range(regions.count)]
-    np.testing.assert_allclose(regions.mean(values), slow, rtol=1e-14)
 
 
 @pytest.mark.parametrize("value", [0.1, 1e300, 1.7e308, 1e-300, 5e-324, 0.0])

@@ -9,28 +9,28 @@ from typing import Any
 
 import pytest
 
-from harness.command.main import main
 from harness.execution.cluster.connection import connect, disconnect, hardware
 from harness.execution.cluster.node_work import GroupOrder
 from harness.execution.group_loop import Event
-from harness.execution.local_executor import run_locally
 from harness.execution.ray_executor import run_on_ray
+from harness.machine.provenance import versions
 from harness.records.cells import read_cells
 from scenes.files.errors import InputError
-from tests.harness.cells import without_time
-from tests.harness.execution.on_two_executors import SLOW_SCORES, files_of, tasks
+from tests.harness.execution.on_two_executors import COMMIT, SLOW_SCORES, Told, require_the_bits_of_workers, tasks
+from tests.harness.shell import refused
 from tests.replacing import replace
 
 pytestmark = pytest.mark.timeout(1800)
 """On a busy machine, Ray's processes and twelve trainings take many minutes."""
 
 
-def test_without_ray_its_remedy_is_said(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setitem(sys.modules, "ray", None)
-    assert main(["run", "--profile", "smoke", "--executor", "ray", "--dry-run"]) == 2
-    said = capsys.readouterr().err
-    assert said.startswith("error: --executor ray: Ray is not installed; `python -m pip install ray==")
-    assert said.count("\n") == 1
+@pytest.mark.parametrize("package", ["ray", "submitit"])
+def test_without_its_package_an_executor_says_how_to_install_it(
+    package: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, package, None)
+    said = refused(capsys, "--profile", "smoke", "--executor", package, "--out", tmp_path / "run")
+    assert f"--executor {package}: {package} is not installed; `python -m pip install {package}==" in said.lower()
 
 
 @pytest.fixture(scope="module")
@@ -97,7 +97,7 @@ def test_a_killed_node_costs_time_and_changes_no_bit(
     events: list[Event] = []
     killed = ""
     kept: dict[Path, bytes] = {}
-    for event in run_on_ray(ours, "0123456789ab"):
+    for event in run_on_ray(ours, COMMIT):
         events.append(event)
         if event.cell is not None and not killed:
             killed = event.cell.provenance["node"]
@@ -116,29 +116,11 @@ def test_a_killed_node_costs_time_and_changes_no_bit(
     assert sum(cell.provenance["node"] == killed for cell in cells.values()) == 1
     assert ["resumed_at" in cell.provenance for cell in again if cell.provenance["node"] != killed] == [True]
     assert len({cell.provenance["node"] for cell in cells.values()}) == 3
-    assert {cell.provenance["commit"] for cell in cells.values()} == {"0123456789ab"}
     assert all(file.read_bytes() == before for file, before in kept.items()), "what was finished stays as it was"
-    told = [(event.cell.method, event.cell.seed) for event in events if event.cell is not None]
-    assert sorted(told) == sorted(cells), "each cell once"
-    for seed in range(3):
-        assert [event.share for event in events if event.task.seed == seed and event.share is not None][-1] == 1.0
-
-    list(run_locally(tasks(ball_folder, tmp_path / "here", 3, SLOW_SCORES), 1))
-    for mine, theirs in zip(read_cells(tmp_path / "here"), read_cells(tmp_path / "ray"), strict=True):
-        assert without_time(mine) == without_time(theirs)
-    here = files_of(tmp_path / "here")
-    assert files_of(tmp_path / "ray") == here, "weights and pictures, byte for byte"
-    assert {Path(name).parts[0] for name in here} == {"checkpoints", "records"}
-
-
-@pytest.mark.slow
-@pytest.mark.cluster
-def test_an_error_of_ours_is_recorded_and_not_tried_again(joined: Any, ball_folder: Path, tmp_path: Path) -> None:
-    (broken,) = tasks(ball_folder, tmp_path, 1, SLOW_SCORES, methods=("nerf", "no_such_method"))
-    events = list(run_on_ray([broken], "none"))
-    assert [event.notice for event in events if event.notice] == []
-    assert {cell.method: cell.status for cell in read_cells(tmp_path)} == {"nerf": "error", "no_such_method": "error"}
-    assert all("no_such_method" in (cell.reason or "") for cell in read_cells(tmp_path))
+    told = Told(events)
+    assert told.cells == sorted(cells), "each cell once"
+    assert [told.shares[seed][-1] for seed in range(3)] == [1.0] * 3
+    require_the_bits_of_workers(ball_folder, tmp_path / "ray", tmp_path / "here", 3)
 
 
 @pytest.mark.slow
@@ -146,8 +128,6 @@ def test_an_error_of_ours_is_recorded_and_not_tried_again(joined: Any, ball_fold
 def test_a_node_with_another_torch_is_refused_by_name(
     joined: Any, ball_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from harness.machine.provenance import versions
-
     assert hardware(1).nodes >= 2
     with pytest.raises(InputError, match="--threads 2: no node of the Ray cluster has so many cores"):
         hardware(2)
@@ -223,5 +203,5 @@ def test_where_no_cluster_is_it_is_said(capsys: pytest.CaptureFixture[str]) -> N
     pytest.importorskip("ray", reason="the extra `ray` is not installed")
     with pytest.raises(InputError, match="a driver outside of the cluster is not supported"):
         connect("ray://head:10001")
-    assert main(["run", "--profile", "smoke", "--executor", "ray", "--workers", "3"]) == 2
-    assert "--workers: on Ray the cluster decides" in capsys.readouterr().err
+    said = refused(capsys, "--profile", "smoke", "--executor", "ray", "--workers", "3")
+    assert "--workers: on Ray the cluster decides" in said

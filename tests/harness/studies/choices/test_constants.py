@@ -11,7 +11,6 @@ from baselines.methods.chosen import FILE, DensityConstants, chosen
 from baselines.methods.repaired import CANDIDATES
 from harness.command.plan_options import planned
 from harness.plan.profiles import PROFILES
-from harness.plan.run_plan import Machine
 from harness.records.json_record import write_json
 from harness.studies.choices import constants
 from harness.studies.choices.arms import trained_cell
@@ -36,10 +35,25 @@ FIRST, SECOND, LOST = DensityConstants(1.0, None), DensityConstants(25.0, 0.3), 
 BRIEF = rows_of("nerf", {FIRST: (30.0, 20.0), SECOND: (24.0, 24.0), LOST: (20.0, 20.0)}, 10)
 
 
-def test_the_best_mean_after_all_steps_is_chosen() -> None:
-    full = rows_of("nerf", {FIRST: (25.0, 25.0), SECOND: (20.0, 31.0), LOST: (10.0, 10.0)}, 40)
+FULL = rows_of("nerf", {FIRST: (25.0, 25.0), SECOND: (20.0, 31.0), LOST: (10.0, 10.0)}, 40)
+DIVERGED = rows_of("nerf", {FIRST: (20.0, 20.0), SECOND: (10.0, 10.0), LOST: (99.0, None)}, 40)
+
+
+@pytest.mark.parametrize(
+    ("rows", "choice"),
+    [
+        (BRIEF + FULL, {"nerf": SECOND}),
+        (BRIEF + DIVERGED, {"nerf": FIRST}),
+        (BRIEF + [replace(row, psnr_val=None) for row in FULL], {}),
+        (BRIEF + FULL[:-1], {}),  # stopped
+        ([*BRIEF, *FULL, *rows_of("qnerf", {FIRST: (30.0, 30.0)}, 10)], {}),  # stopped before another method
+    ],
+)
+def test_the_best_mean_after_all_steps_is_chosen_once_the_search_is_complete(
+    rows: list[ConstantsRow], choice: dict[str, DensityConstants]
+) -> None:
     assert list(constants.means(BRIEF, "nerf")) == [FIRST, SECOND, LOST]
-    assert constants.chosen(BRIEF + full, 40) == {"nerf": SECOND}
+    assert constants.chosen(rows, 40) == choice
 
 
 def test_the_best_unit_of_each_start_is_trained_to_the_end() -> None:
@@ -51,24 +65,10 @@ def test_the_best_unit_of_each_start_is_trained_to_the_end() -> None:
     assert finalists(one_start, "nerf") == pairs[:2]
 
 
-def test_a_pair_that_diverges_on_a_scene_is_out() -> None:
-    full = rows_of("nerf", {LOST: (99.0, None), FIRST: (20.0, 20.0), SECOND: (10.0, 10.0)}, 40)
-    assert constants.chosen(BRIEF + full, 40) == {"nerf": FIRST}
-    assert constants.chosen(BRIEF + [replace(row, psnr_val=None) for row in full], 40) == {}
-
-
-def test_a_search_that_was_stopped_has_no_choice() -> None:
-    full = rows_of("nerf", dict.fromkeys((FIRST, SECOND, LOST), (20.0, 20.0)), 40)
-    assert constants.chosen(BRIEF + full, 40)
-    assert constants.chosen(BRIEF + full[:-1], 40) == {}
-    assert constants.chosen([*BRIEF, *full, *rows_of("qnerf", {FIRST: (30.0, 30.0)}, 10)], 40) == {}
-
-
 def test_the_best_pairs_of_a_shorter_search_are_carried_over() -> None:
-    full = rows_of("nerf", {FIRST: (25.0, 25.0), SECOND: (20.0, 31.0), LOST: (10.0, 10.0)}, 40)
-    carried = constants.best_of(BRIEF + full, ["nerf"], 2)
+    carried = constants.best_of(BRIEF + FULL, ["nerf"], 2)
     assert carried == {"nerf": [SECOND, FIRST]}, "by the longest training of the search"
-    for rows in ([], BRIEF + full):
+    for rows in ([], BRIEF + FULL):
         with pytest.raises(InputError, match="qnerf has no pair that ended well"):
             constants.best_of(rows, ["qnerf"], 2)
     late = rows_of("nerf", {FIRST: (33.0, 33.0), SECOND: (32.0, 33.5)}, 160)
@@ -148,13 +148,3 @@ def test_the_late_constants_are_those_of_the_late_search() -> None:
     methods = list(dict.fromkeys(row.method for row in rows))
     carried = constants.best_of(read_rows(Path("docs/constants.json")), methods, 3)
     assert constants.chosen(rows, PROFILES["converged"].budget.steps or 0, carried) == chosen("converged")
-
-
-@pytest.mark.parametrize("profile", ["smoke", "reduced"])
-def test_a_plan_hands_the_constants_of_its_methods_to_its_cells(profile: str, tmp_path: Path) -> None:
-    plan = PROFILES[profile]
-    task = plan.tasks({scene: tmp_path for scene in plan.scenes}, Machine("cpu", 1, 1), tmp_path)[0]
-    own, pair = task.train.own["qnerf"], chosen("reduced")["qnerf"]
-    assert (own.density_scale, own.start) == (pair.unit, pair.start)
-    printed = plan.settings()["train"]["own"]["qnerf_printed"]
-    assert (printed["density_scale"], printed["start"]) == (1.0, None)

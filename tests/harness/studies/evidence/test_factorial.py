@@ -9,7 +9,6 @@ from baselines.catalog import CATALOG
 from baselines.methods.ablations import PARTS_OF_QNERF
 from baselines.methods.nerf import NERF
 from harness.records.cells import CellRecord
-from harness.records.study import Answer, Studies, StudyInfo, StudyRecord, read_studies, write_studies
 from harness.records.verdict import OPEN
 from harness.studies.evidence.contrasts import Term, spread
 from harness.studies.evidence.evidence_context import READINGS, TRAININGS
@@ -146,10 +145,6 @@ def test_a_method_without_any_score_does_not_break_the_study(tmp_path: Path) -> 
     lost = effect(findings, "amplifier (Listing 2)")
     assert (lost.difference, lost.verdict, lost.unpaired) == (None, OPEN, 9)
     assert effect(findings, "amplifier (Eq. 4)").verdict.size == "smaller than matters"
-    written = [Answer(finding) if isinstance(finding, str) else finding for finding in findings]
-    record = StudyRecord(StudyInfo("factorial", "t", "q?", "m"), findings=written)
-    write_studies(tmp_path / "evidence.json", Studies("evidence", {}, {}, [record]))
-    assert read_studies(tmp_path / "evidence.json").studies == [record]
 
 
 @pytest.mark.parametrize(

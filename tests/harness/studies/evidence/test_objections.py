@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from baselines.catalog import CATALOG
 from harness.plan.profiles import PROFILES
 from harness.records.cells import CellRecord
 from harness.records.study import Check
@@ -67,11 +66,7 @@ def test_octaves_are_those_of_the_two_encodings(tmp_path: Path) -> None:
     assert "lies 0.0 to 1.0 octaves below" in octaves(StudyRun(run.plan, boxed, run.cells))
 
 
-def test_what_is_objected_to_is_trained_on_all_scenes() -> None:
-    for objection in OBJECTIONS:
-        training = TRAININGS[objection.training]
-        assert {objection.method, objection.against} <= set(training.methods) <= set(CATALOG)
-        assert training.scenes == tuple(CLASSICS)
+def test_without_silhouettes_neither_hull_nor_covered_pixels_are_used() -> None:
     assert set(TRAININGS["no_silhouettes"].need) == {"outside_hull", "background_rays"}
 
 

@@ -6,10 +6,13 @@ from pathlib import Path
 
 import pytest
 
+from baselines.numerics.attention.priorities import PHI
 from harness.command.main import main
 from harness.records.study import Check, Studies, read_studies
 from harness.studies import framework
 from harness.studies.framework import Found
+from harness.studies.serving.anytime import MEASURES, ORDERS
+from harness.studies.serving.attention_views import KINDS, NOTHING
 from harness.studies.serving.serving_context import Measure, ServingContext, study
 from harness.studies.serving.serving_studies import SHELF, STUDIES
 from harness.training.trainer import Diverged
@@ -60,6 +63,12 @@ def test_the_record_is_complete(out: Path) -> None:
     ids = [each.id for _, each in record.checks() if each.id != "left_out"]
     assert len(set(ids)) == len(ids)
     assert {each.subject for _, each in record.checks() if each.id.startswith("hit.")} == {"nerf", "qnerf"}
+    checks = {each.id: each for _, each in record.checks()}
+    assert {f"whole.{order}" for order in ORDERS} <= set(checks), "the last part leaves no error"
+    assert checks["earlier.attended"].repeats == len(KINDS)
+    assert checks["phi.sum"].value == pytest.approx(PHI)
+    (table,) = (table for study in record.studies if study.info.id == "anytime" for table in study.tables)
+    assert len(table.rows) == len(KINDS) * len(MEASURES)
     settings = record.settings
     assert (settings["scenes"], settings["methods"], settings["width"]) == (["ball"], ["nerf", "qnerf"], SIZE)
     assert not list(out.glob(".scratch-*")), "scratch files are gone"
@@ -82,8 +91,6 @@ def test_an_unexpected_error_is_not_hidden_by_the_command(out: Path, monkeypatch
     with pytest.raises(ZeroDivisionError):
         measured(out)
     assert [each.info.id for each in record_of(out).studies] == ["latency"], "what was finished is kept"
-    with_studies(monkeypatch, confusions=failing(Diverged(3, "colour")))
-    assert measured(out, resume=True) == 3
 
 
 def test_a_cell_that_diverged_is_named(out: Path) -> None:
@@ -96,7 +103,8 @@ def test_a_cell_that_diverged_is_named(out: Path) -> None:
     assert {each.subject for each in latency.checks if each.id.startswith("hit.")} == {"qnerf"}
     gaps = [each for each in latency.checks if each.status == "not_available"]
     assert any(each.what == "ball, nerf, seed 0" and "diverged" in each.why for each in gaps)
-    assert anytime.answers == ["No method of the run can be rendered by regions here."]
+    assert anytime.answers == [NOTHING]
+    assert any("which points share a chunk" in each.why for each in anytime.checks), "in qnerf"
 
 
 def test_the_command_measures_what_is_requested(out: Path, capsys: pytest.CaptureFixture[str]) -> None:

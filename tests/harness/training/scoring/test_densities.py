@@ -42,7 +42,6 @@ def test_the_samples_of_a_picture_are_those_that_it_is_made_of(fine_bins: int) -
     learner = trainer("nerf", replace(TRAIN, first_bins=16, fine_bins=fine_bins))
     rays, _ = rays_and_colours(40)
     rendering = learner.render(rays, 40)
-    assert rendering.samples is not None
     sigma, w = rendering.samples.density.double(), rendering.samples.weight.double()
     assert sigma.shape == w.shape == (40, 16 + fine_bins)
     torch.testing.assert_close(w.sum(-1).float(), rendering.opacity)

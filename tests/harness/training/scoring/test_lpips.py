@@ -50,13 +50,6 @@ def test_the_same_image_is_at_no_distance_and_distances_are_symmetric(distance: 
     assert distance(first, second) == pytest.approx(distance(second, first), rel=1e-5)
 
 
-def test_more_noise_is_farther(distance: Lpips) -> None:
-    truth = picture(0)
-    noise = np.random.default_rng(2).normal(size=truth.shape)
-    found = [distance(np.clip(truth + amount * noise, 0, 1), truth) for amount in (0.01, 0.05, 0.2)]
-    assert 0.0 < found[0] < found[1] < found[2]
-
-
 def test_a_first_layer_by_hand(tmp_path: Path) -> None:
     """Only the first layer counts, and of its filters two: the mean of red, and a constant 1."""
     changed = {name: torch.zeros_like(value) for name, value in weights().items()}
@@ -122,25 +115,23 @@ def test_too_small_a_picture_has_none(distance: Lpips) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("name", "value", "said"),
     [
-        ({"net.slice1.0.weight": torch.zeros(64, 3, 3, 3)}, r"net.slice1.0.weight is \(64, 3, 3, 3\)"),
-        ({"lin4.model.1.weight": torch.full((1, 256, 1, 1), float("nan"))}, "not finite numbers"),
+        ("net.slice1.0.weight", torch.zeros(64, 3, 3, 3), r"net.slice1.0.weight is \(64, 3, 3, 3\)"),
+        ("lin4.model.1.weight", torch.full((1, 256, 1, 1), float("nan")), "not finite numbers"),
     ],
 )
-def test_other_weights_are_refused(tmp_path: Path, change: dict[str, Tensor], said: str) -> None:
+def test_other_weights_are_refused(tmp_path: Path, name: str, value: Tensor, said: str) -> None:
     with pytest.raises(InputError, match=said):
-        Lpips(saved(tmp_path, change))
+        Lpips(saved(tmp_path, {name: value}))
 
 
-def test_what_is_no_file_of_weights_is_refused(tmp_path: Path) -> None:
-    for content in (b"", b"no weights", None):
-        file = tmp_path / "w.safetensors"
-        if content is not None:
-            file.write_bytes(content)
-        with pytest.raises(InputError, match=r"w\.safetensors: cannot be read"):
-            Lpips(file)
-        file.unlink(missing_ok=True)
+@pytest.mark.parametrize("content", [b"", b"no weights", None])
+def test_what_is_no_file_of_weights_is_refused(tmp_path: Path, content: bytes | None) -> None:
+    if content is not None:
+        (tmp_path / "w.safetensors").write_bytes(content)
+    with pytest.raises(InputError, match=r"w\.safetensors: cannot be read"):
+        Lpips(tmp_path / "w.safetensors")
 
 
 def test_a_run_is_scored_with_them_and_not_gone_on_with_by_others(
