@@ -55,6 +55,16 @@ def test_a_folder_that_cannot_be_written_gives_2(out, capsys, monkeypatch):
     )
 
 
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [(["--export", "keep.json"], "ends in .zip"), (["--export", "records/a.zip"], "records of a run")],
+)
+def test_no_other_file_is_replaced_and_no_page_is_built_before_that_is_said(small, capsys, options, said):
+    assert main([str(small), options[0], str(small / options[1])]) == 2
+    assert said in capsys.readouterr().err
+    assert not (small / "report.html").exists()
+
+
 def test_publish_writes_small_plots_and_the_numbers(tmp_path, pictured, capsys):
     main([str(pictured), "--quiet", "--publish", str(tmp_path / "docs")])
     sizes = {path.name: path.stat().st_size for path in (tmp_path / "docs").iterdir()}
