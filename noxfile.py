@@ -17,7 +17,7 @@ nox.options.sessions = ["lint", "tests"]
 
 PROJECT = nox.project.load_toml("pyproject.toml")
 LOCKED = dict(re.findall(r"^([a-z0-9-]+)==(\S+)", Path("requirements.lock").read_text(encoding="utf-8"), re.MULTILINE))
-SMALL = ("view", "film", "stability", "completion")
+SMALL = ("view", "film", "stability")
 """The extras of every environment: they are small, and commands of the README need them."""
 OPTIONS = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
 OPTIONS.add_argument("--with", dest="packages", action="append", default=[], metavar="FOLDER")

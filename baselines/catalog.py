@@ -26,6 +26,7 @@ from baselines.methods.qnerf import (
 from baselines.methods.repaired import CANDIDATES, MEANING, REPAIRED
 
 NETWORK = "harness.training.trainer:Trainer"
+PLANE_FIELD, HASH_FIELD = "baselines.grids.planes:planes", "baselines.grids.hash_grid:hash_grid"
 
 
 @dataclass(frozen=True)
@@ -37,9 +38,10 @@ class Method:
     title: str
     trainer: str | Callable[[Any], Any] = NETWORK
     """`harness.training.learner.Job` → its `Learner`; as "module:name" it is imported when the method is trained."""
-    make_field: Callable[[FieldSpec], nn.Module] | None = None
+    make_field: str | Callable[[FieldSpec], nn.Module] | None = None
     """A factory of a field that is not composed of parts: a `torch.nn.Module` that implements
-    `baselines.contract.TrainableField`. None for a composition, and for a method with its own trainer.
+    `baselines.contract.TrainableField`. As "module:name" it is imported when a field is made. None for a composition,
+    and for a method with its own trainer.
     """
     deviations: tuple[str, ...] = ()
     """Sentences that a report states of its training; `{name}` stands for a setting of the method."""
@@ -66,18 +68,6 @@ class Method:
             listed = ", ".join(f"{name} {value}" for name, value in own.own_training.items())
             texts.append(f"It trains with {listed}, the other methods with the loss and schedule of the run.")
         return texts
-
-
-def _planes(spec: FieldSpec) -> nn.Module:
-    from baselines.grids.planes import planes  # here, as only these methods need its compiler
-
-    return planes(spec)
-
-
-def _hash_grid(spec: FieldSpec) -> nn.Module:
-    from baselines.grids.hash_grid import hash_grid
-
-    return hash_grid(spec)
 
 
 FEATURES = (
@@ -122,8 +112,8 @@ CATALOG: dict[str, Method] = {
     "nerf_no_encoding": Method(WEAKENED["nerf_no_encoding"], "NeRF without positional encoding: a known loss"),
     "nerf_no_direction": Method(WEAKENED["nerf_no_direction"], "NeRF without view direction: a known loss"),
     **{name: Method(parts, f"a candidate: {MEANING[parts.amplifier]}") for name, parts in CANDIDATES.items()},
-    **{name: Method(own, title, make_field=_planes, deviations=FEATURES) for name, (own, title) in PLANES.items()},
-    **{name: Method(own, title, make_field=_hash_grid, deviations=FEATURES) for name, (own, title) in TABLES.items()},
+    **{name: Method(own, title, make_field=PLANE_FIELD, deviations=FEATURES) for name, (own, title) in PLANES.items()},
+    **{name: Method(own, title, make_field=HASH_FIELD, deviations=FEATURES) for name, (own, title) in TABLES.items()},
     "splats": Method(*GAUSSIANS["splats"], "harness.training.make_learner:splats", deviations=(*DRAWN, WHOLE_VIEWS)),
     "ellipsoids": Method(*GAUSSIANS["ellipsoids"], "harness.training.make_learner:ellipsoids", deviations=DRAWN),
     "voxels_drjit": Method(

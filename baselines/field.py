@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from functools import cache
+from pkgutil import resolve_name
 from typing import Any, cast
 
 import torch
@@ -82,7 +83,6 @@ class NetworkField(nn.Module):
         )
         self.amplifier = AMPLIFIERS[parts.amplifier](parts.start_in_units)
         self.density_unit = parts.density_unit(box)
-        self.hidden_width = size.width
         # the amplifier keeps the paper's α and β
         glorot((named for named in self.named_parameters() if not named[0].startswith("amplifier")), seed)
 
@@ -174,7 +174,8 @@ def field_of(method: Method, spec: FieldSpec) -> Any:
     `baselines.contract.TrainableField`. Raises `ValueError` for a method that has neither.
     """
     if method.make_field is not None:
-        return method.make_field(spec)
+        make = method.make_field
+        return (resolve_name(make) if isinstance(make, str) else make)(spec)
     if not isinstance(spec.own, Parts):
         raise ValueError(f"{method.title}: it is not made of parts; it has its own trainer")
     return NetworkField(spec.own, spec.size, spec.box, spec.precision, spec.seed, spec.view_dependent)

@@ -7,6 +7,7 @@ engineering, coarse to fine. Importing this module imports Dr.Jit but not Mitsub
 import importlib
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Literal, TypeAlias
 
 import drjit as dr
@@ -73,14 +74,13 @@ def lost(tau: JitArray) -> JitArray:
     return dr.select(thin, series, 1.0 - dr.exp(-dr.select(thin, 1.0, tau)))
 
 
+over_rays = partial(dr.block_reduce, dr.ReduceOp.Add)
+
+
 def ray_weights(tau: JitArray, bins: int) -> tuple[JitArray, JitArray]:
     """Return the weight of each point (Eq. 6), and the transmittance behind the last one of each ray."""
     before = dr.block_prefix_reduce(dr.ReduceOp.Add, tau, bins, exclusive=True)
-    return dr.exp(-before) * lost(tau), dr.exp(-dr.block_reduce(dr.ReduceOp.Add, tau, bins))
-
-
-def over_rays(values: JitArray, bins: int) -> JitArray:
-    return dr.block_reduce(dr.ReduceOp.Add, values, bins)
+    return dr.exp(-before) * lost(tau), dr.exp(-over_rays(tau, bins))
 
 
 Backend = Literal["llvm", "cuda"]

@@ -22,9 +22,7 @@ def bare(*command: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(words, cwd=ROOT, capture_output=True, text=True, env={"PATH": ""})
 
 
-@pytest.mark.parametrize(
-    "command", ["harness completion bash", "reports out/latest", "scenes export A --format npz --out B"]
-)
+@pytest.mark.parametrize("command", ["harness judge a.csv", "reports out", "scenes export A --format npz --out B"])
 def test_a_missing_package_is_one_line_that_names_the_environment(command: str) -> None:
     ended = bare(*command.split())
     assert ended.returncode == 2, ended.stderr

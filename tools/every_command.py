@@ -77,7 +77,6 @@ nox -s judge -- docs/examples/nerfbaselines-blender.csv --out {here}/judgement
 nox -s judge -- docs/examples/own-seeds.csv --baseline nerf --metric psnr ssim --out {here}/judgement-2
 python -m harness study scaling
 python -m harness doctor
-python -m harness completion bash
 """
 FILLED = {
     "{tiny}": "--methods nerf --seeds 2 --budget-steps 4 --resolution 16",

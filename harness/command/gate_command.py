@@ -3,13 +3,10 @@
 import argparse
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from harness.command.options import Command, Options, flag, option, reported, require_folder, shared
+from harness.execution.progress import Progress
 from harness.gate.gates import KINDS, Gate, gates
-
-if TYPE_CHECKING:
-    from harness.execution.progress import Progress
 
 LIMITS, HISTORY_FILE = Path("gates/limits.json"), Path("out/history.jsonl")
 
@@ -33,7 +30,7 @@ HISTORY: Options = {
 }
 
 
-def run_gate(options: argparse.Namespace, show: "Progress") -> int:
+def run_gate(options: argparse.Namespace, show: Progress) -> int:
     table = chosen(options.only)
     if options.list:
         for gate in table:
@@ -87,7 +84,7 @@ def _begins(name: str, start: str) -> bool:
     return name == start or name.startswith(start.removesuffix(".") + ".")
 
 
-def run_history(options: argparse.Namespace, show: "Progress") -> int:
+def run_history(options: argparse.Namespace, show: Progress) -> int:
     from harness.machine.provenance import code_here
     from harness.records.study import SHELVES, write_studies
     from harness.verdicts.history.figures_over_runs import figures_over_runs
@@ -104,7 +101,7 @@ def run_history(options: argparse.Namespace, show: "Progress") -> int:
     return reported(options.out)
 
 
-def remember(file: Path | None, record: Path, of_class: str, show: "Progress") -> None:
+def remember(file: Path | None, record: Path, of_class: str, show: Progress) -> None:
     """Append the figures of a record of studies to the history; a failure to write it is only reported."""
     import time
 

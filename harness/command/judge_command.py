@@ -3,13 +3,9 @@
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from harness.command.options import Command, Options, flag, option, reported, require_between, require_folder
-
-if TYPE_CHECKING:
-    from harness.execution.progress import Progress
-
+from harness.execution.progress import Progress
 
 JUDGE: Options = {
     "tables": option(
@@ -61,7 +57,7 @@ COMPARE: Options = {
 }
 
 
-def run_judge(options: argparse.Namespace, show: "Progress") -> int:
+def run_judge(options: argparse.Namespace, show: Progress) -> int:
     import time
 
     from harness.records.judgements import JUDGEMENT_FILE, write_judgement
@@ -80,7 +76,7 @@ def run_judge(options: argparse.Namespace, show: "Progress") -> int:
     return reported(out)
 
 
-def run_score(options: argparse.Namespace, show: "Progress") -> int:
+def run_score(options: argparse.Namespace, show: Progress) -> int:
     from msgspec.structs import replace
 
     from harness.records.metric_table import METRICS
@@ -114,7 +110,7 @@ def run_score(options: argparse.Namespace, show: "Progress") -> int:
     return 0
 
 
-def run_compare(options: argparse.Namespace, show: "Progress") -> int:
+def run_compare(options: argparse.Namespace, show: Progress) -> int:
     from harness.records.json_record import write_json
     from harness.verdicts.judging.two_runs import as_json, lines_of, two_runs
     from scenes.files.atomic import require_suffix

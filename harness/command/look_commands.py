@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from harness.command.options import FINISHED_RUN, Command, Options, flag, option, require_between, shared
+from harness.execution.progress import Progress
 
 if TYPE_CHECKING:
     import uvicorn
     from starlette.applications import Starlette
 
-    from harness.execution.progress import Progress
 
 PORT = 8008
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
@@ -36,13 +36,13 @@ VIEW: Options = {
 }
 
 
-def run_view(options: argparse.Namespace, show: "Progress") -> int:
+def run_view(options: argparse.Namespace, show: Progress) -> int:
     with suppress(KeyboardInterrupt):  # the usual end
         _serve_view(options, show)
     return 0
 
 
-def _serve_view(options: argparse.Namespace, show: "Progress") -> None:
+def _serve_view(options: argparse.Namespace, show: Progress) -> None:
     from harness.machine.device import chosen_device, rendering_threads, use_threads
     from harness.viewer.requests import LARGEST_WIDTH
     from harness.viewer.shown_run import ShownRun
@@ -169,7 +169,7 @@ RENDER: Options = {
 }
 
 
-def run_render(options: argparse.Namespace, show: "Progress") -> int:
+def run_render(options: argparse.Namespace, show: Progress) -> int:
     from scenes.files.errors import InputError
 
     require_between(options, frames=(1, MOST_FRAMES), resolution=(1, 4096), fps=(1, 60))
@@ -178,6 +178,7 @@ def run_render(options: argparse.Namespace, show: "Progress") -> int:
         raise InputError(f"--elevation: --path {options.path} has its own heights; leave the option out")
 
     from harness.machine.device import chosen_device, keep_freed_memory, rendering_threads, use_threads
+    from harness.machine.stopping import told_when_stopped
     from harness.playback.run_loader import FinishedRun
     from harness.run_folder.folder_lock import locked_folder
     from harness.viewer.film.film_folder import claim
@@ -201,7 +202,8 @@ def run_render(options: argparse.Namespace, show: "Progress") -> int:
             (print if options.dry_run else show.line)(line)
         if options.dry_run:
             return 0
-        with locked_folder(folder, "--to"):
+        kept = f"finished frames are kept in {folder}; the same command resumes"
+        with told_when_stopped(lambda: kept), locked_folder(folder, "--to"):
             claim(folder, film, run.out, show.line)
             for line in make_film(plan, options.fps, show):
                 show.line(line)
@@ -212,10 +214,6 @@ def run_render(options: argparse.Namespace, show: "Progress") -> int:
             f"{error.filename or folder}: {error.strerror or error}; repair that and give the same command again: "
             "finished frames are kept"
         ) from error
-    except KeyboardInterrupt:
-        show.close()
-        print(f"interrupted: finished frames are kept in {folder}; the same command resumes", file=sys.stderr)
-        return 130
     return 0
 
 
@@ -228,7 +226,7 @@ SPLATS: Options = {
 }
 
 
-def run_splats(options: argparse.Namespace, show: "Progress") -> int:
+def run_splats(options: argparse.Namespace, show: Progress) -> int:
     import torch
 
     from baselines.catalog import CATALOG

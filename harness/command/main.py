@@ -65,10 +65,7 @@ def _add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]", table:
 
 def parsed(arguments: list[str], program: str = "python -m harness") -> argparse.Namespace:
     """Parse the arguments; the name of a study is short for `study NAME`."""
-    top = parser(program)
-    options = top.parse_args(["study", *arguments] if arguments and arguments[0] in STUDIES else arguments)
-    options.parser = top
-    return options
+    return parser(program).parse_args(["study", *arguments] if arguments and arguments[0] in STUDIES else arguments)
 
 
 def main(arguments: list[str], program: str = "python -m harness") -> int:

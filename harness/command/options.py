@@ -6,10 +6,9 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
-if TYPE_CHECKING:
-    from harness.execution.progress import Progress
+from harness.execution.progress import Progress
 
 Options = dict[str, dict[str, Any]]
 """Names of an option, or of a positional argument → the keyword arguments of `add_argument`."""
@@ -20,7 +19,7 @@ class Command(NamedTuple):
 
     help: str
     options: Options
-    call: "Callable[[argparse.Namespace, Progress], int]"
+    call: Callable[[argparse.Namespace, Progress], int]
     """Returns the exit code."""
     description: str | None = None
 

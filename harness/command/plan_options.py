@@ -1,7 +1,6 @@
 """The options that decide what is trained on what: a table of their arguments, and one of their changes of a plan."""
 
 import argparse
-import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
@@ -170,10 +169,10 @@ def _with_view_sets(plan: "Plan", view_sets: Sequence[Path]) -> "Plan":
 
 def _with_scene_file(plan: "Plan", file: Path) -> "Plan":
     from scenes.catalog.scene_file import check_scene_file, name_of_file
+    from scenes.files.digest import file_digest
 
     check_scene_file(file)
-    digest = hashlib.sha256(file.read_bytes()).hexdigest()
-    return replace(plan, scenes=(name_of_file(file),), scene_file=str(file), scene_file_digest=digest)
+    return replace(plan, scenes=(name_of_file(file),), scene_file=str(file), scene_file_digest=file_digest(file))
 
 
 def _with_needs(plan: "Plan", need: list[str], no_need: list[str]) -> "Plan":

@@ -6,18 +6,18 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING
 
 from harness.command.machine_options import MACHINE_OPTIONS, chosen_machine, unused_by
 from harness.command.options import Command, Options, flag, option
 from harness.command.plan_options import PLAN_OPTIONS, planned_by
+from harness.execution.progress import Progress
 from harness.machine.cores import physical_cores
 from scenes.files.errors import InputError
 
 if TYPE_CHECKING:
-    from harness.execution.progress import Progress
     from harness.plan.run_plan import Machine, Plan
-    from harness.records.cells import CellRecord, SceneRecord
+    from harness.records.cells import CellRecord
 
 LEAST_SEEDS = 3
 """The minimum number of seeds to verify omissions with: the interval of two is six times as wide."""
@@ -38,7 +38,7 @@ RUN: Options = {
 TENSORBOARD: Options = {"run": option("output folder of a run, finished or not", "OUT", Path)}
 
 
-def run_run(options: argparse.Namespace, show: "Progress") -> int:
+def run_run(options: argparse.Namespace, show: Progress) -> int:
     from msgspec import structs
 
     from harness.execution.run import run
@@ -82,9 +82,13 @@ def run_run(options: argparse.Namespace, show: "Progress") -> int:
     try:
         with claimed(out, plan, machine, options.resume, show.line):
             point_latest_to(out)
-            shown = also_written(options, out, show)
-            verify = partial(_verify, plan, machine, out, shown) if options.verify_omissions else None
-            code = run(plan, out, options.view_sets, machine, options.line, shown, verify)
+            also_write(options, out, show)
+            verify = None
+            if options.verify_omissions:
+                from harness.studies.choices.omissions import verify_run
+
+                verify = partial(verify_run, plan, machine, out, show)
+            code = run(plan, out, options.view_sets, machine, options.line, show, verify)
     except InputError:
         if before is not None and latest_folder() is None:  # the claimed folder was removed
             point_latest_to(before)
@@ -109,12 +113,6 @@ def _with_lpips(plan: "Plan", options: argparse.Namespace, out: Path) -> "Plan":
         if cell.provenance.get("lpips", digest) != digest:
             raise InputError(f"--lpips {options.lpips}: not the weights that {out} was scored with; give those")
     return replace(plan, lpips=str(options.lpips.resolve()))
-
-
-def _verify(*given: Any) -> "list[SceneRecord]":
-    from harness.studies.choices.omissions import verify_run
-
-    return verify_run(*given)
 
 
 def plan_lines(plan: "Plan", machine: "Machine", cores: int) -> list[str]:
@@ -149,7 +147,7 @@ def _at_once(machine: "Machine") -> str:
     return f"{machine.workers} worker{'s' * (machine.workers > 1)}"
 
 
-def run_tensorboard(options: argparse.Namespace, show: "Progress") -> int:
+def run_tensorboard(options: argparse.Namespace, show: Progress) -> int:
     """Write every cell that has a record; raises `InputError` without such a cell or without tensorboard."""
     from harness.records.cells import read_cells
     from harness.run_folder.board import require_tensorboard, write_board
@@ -167,33 +165,23 @@ def run_tensorboard(options: argparse.Namespace, show: "Progress") -> int:
     return 0
 
 
-def also_written(options: argparse.Namespace, out: Path, show: "Progress") -> "Progress":
-    """Return a progress that with `--tensorboard` also writes each cell, after writing those from before a resume."""
+def also_write(options: argparse.Namespace, out: Path, show: Progress) -> None:
+    """With `--tensorboard`, make `show.cell` write each cell too, after writing those from before a resume."""
     if not options.tensorboard:
-        return show
+        return
     from harness.records.cells import read_cells
     from harness.run_folder.board import board_folder, write_board
 
     for cell in read_cells(out):
         if not board_folder(out, cell).is_dir():
             write_board(out, cell)
-    return cast("Progress", _Written(out, show))
+    said = show.cell
 
+    def written(cell: "CellRecord") -> None:
+        write_board(out, cell)
+        said(cell)
 
-class _Written:
-    """A progress that writes each cell and passes every call on to another progress."""
-
-    def __init__(self, out: Path, show: "Progress") -> None:
-        self._out, self._show = out, show
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._show, name)
-
-    def cell(self, cell: "CellRecord") -> None:
-        from harness.run_folder.board import write_board
-
-        write_board(self._out, cell)
-        self._show.cell(cell)
+    show.cell = written  # type: ignore[method-assign]
 
 
 COMMANDS = {

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, TypeVar
 
 from harness.command.options import Command, Options, flag, option, require_between, shared
 from harness.command.plan_options import PLAN_OPTIONS, planned_by
+from harness.execution.progress import Progress
 from scenes.files.json_object import JsonObject
 
 if TYPE_CHECKING:
     import torch
 
-    from harness.execution.progress import Progress
     from harness.plan.run_plan import Plan
 
 Row = TypeVar("Row")
@@ -46,7 +46,7 @@ OMISSIONS: Options = {
 }
 
 
-def run_sweep(options: argparse.Namespace, show: "Progress") -> int:
+def run_sweep(options: argparse.Namespace, show: Progress) -> int:
     from harness.studies.choices.sweep import SweepRow, as_json, sweep
 
     plan, device = planned_by(options)
@@ -67,7 +67,7 @@ def run_sweep(options: argparse.Namespace, show: "Progress") -> int:
     return 0
 
 
-def run_families(options: argparse.Namespace, show: "Progress") -> int:
+def run_families(options: argparse.Namespace, show: Progress) -> int:
     from harness.machine.device import chosen_device, multiplies_bfloat16
     from harness.machine.provenance import provenance
     from harness.studies.choices.families import TRIALS, FamilyRow, as_json, search, search_plan
@@ -89,7 +89,7 @@ def run_families(options: argparse.Namespace, show: "Progress") -> int:
     return 0
 
 
-def run_constants(options: argparse.Namespace, show: "Progress") -> int:
+def run_constants(options: argparse.Namespace, show: Progress) -> int:
     """Search constants; raises `InputError` for a method without constants, and for a budget other than steps."""
     from harness.machine.provenance import provenance
     from harness.records.json_record import write_json
@@ -134,7 +134,7 @@ def run_constants(options: argparse.Namespace, show: "Progress") -> int:
     return 0
 
 
-def run_equivalence(options: argparse.Namespace, show: "Progress") -> int:
+def run_equivalence(options: argparse.Namespace, show: Progress) -> int:
     from harness.machine.device import available_cores
     from harness.records.verdict import Verdict
     from harness.studies.choices.equivalence import ScorePair, as_json, pairs
@@ -154,7 +154,7 @@ def run_equivalence(options: argparse.Namespace, show: "Progress") -> int:
     return 0
 
 
-def run_omissions(options: argparse.Namespace, show: "Progress") -> int:
+def run_omissions(options: argparse.Namespace, show: Progress) -> int:
     from harness.machine.provenance import provenance
     from harness.studies.choices.omissions import as_json, too_costly, verified
 
@@ -172,7 +172,7 @@ def run_omissions(options: argparse.Namespace, show: "Progress") -> int:
     return 3 if too_costly(omissions) else 0
 
 
-def _folders(options: argparse.Namespace, plan: "Plan", show: "Progress") -> dict[str, Path]:
+def _folders(options: argparse.Namespace, plan: "Plan", show: Progress) -> dict[str, Path]:
     """Return the view sets of `plan`, rendered if missing; raises `InputError` if `--out` cannot be a file."""
     from harness.execution.ground_truth import view_set_folders
     from scenes.files.atomic import require_suffix
@@ -202,7 +202,7 @@ def _cells_of(file: Path) -> Path:
     return file.with_name(f"{file.name}.cells")
 
 
-def _shown(rows: Iterable[Row], line: Callable[[Row], str], show: "Progress") -> list[Row]:
+def _shown(rows: Iterable[Row], line: Callable[[Row], str], show: Progress) -> list[Row]:
     kept = []
     for row in rows:
         kept.append(row)

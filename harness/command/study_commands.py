@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 from harness.command.gate_command import remember
 from harness.command.options import FINISHED_RUN, Command, Options, flag, option, require_between, shared
+from harness.execution.progress import Progress
 from harness.plan.defaults import PLAIN_SECONDS, QUICK_PLAIN_SECONDS
 from harness.plan.names import known_names
 from scenes.files.errors import InputError
 
 if TYPE_CHECKING:
-    from harness.execution.progress import Progress
     from harness.studies.framework import Shelf, StudyContext
 
 
@@ -75,27 +75,25 @@ SCALING: Options = {
 }
 
 
-def _listed(shelf: "Shelf") -> int:
-    from harness.studies.framework import list_lines
-
-    sys.stdout.write("\n".join(list_lines(shelf)) + "\n")
-    return 0
-
-
 def _measure(
     options: argparse.Namespace,
-    show: "Progress",
+    show: Progress,
     shelf: "Shelf",
     context_in: "Callable[[Path], StudyContext]",
     afterwards: Callable[[Path], None] | None = None,
 ) -> int:
-    """Measure the studies that `options` name, in a locked folder; return the exit code. Raises `InputError`.
-    `context_in` makes the context for the folder; `afterwards` is called before the folder is unlocked.
+    """Measure the studies that `options` name, in a locked folder, or list all; return the exit code.
+
+    `context_in` makes the context for the folder; `afterwards` is called before the folder is unlocked. Raises
+    `InputError`.
     """
     from harness.run_folder.folder_lock import locked_folder
     from harness.run_folder.output_folder import fresh_folder
-    from harness.studies.framework import run
+    from harness.studies.framework import list_lines, run
 
+    if options.list:
+        sys.stdout.write("\n".join(list_lines(shelf)) + "\n")
+        return 0
     if options.resume and options.out is None:
         raise InputError("--resume: name the folder to resume, --out DIR")
     chosen = known_names("--studies", options.studies or list(shelf.studies), list(shelf.studies))
@@ -108,27 +106,25 @@ def _measure(
     return code
 
 
-def run_evidence(options: argparse.Namespace, show: "Progress") -> int:
+def run_evidence(options: argparse.Namespace, show: Progress) -> int:
     from harness.studies.evidence.evidence_studies import SHELF
 
     require_between(options, workers=(1, 256))
-    if options.list:
-        return _listed(SHELF)
-    from harness.machine.device import available_cores, chosen_device, multiplies_bfloat16
-    from harness.plan.run_plan import Machine
-    from harness.studies.evidence.evidence_context import EvidenceContext
 
-    device = chosen_device(options.device)
-    machine = Machine(device.type, options.workers or (available_cores() if device.type == "cpu" else 1), 1)
-    as_planned = multiplies_bfloat16(device)
+    def context(out: Path) -> "StudyContext":
+        from harness.machine.device import available_cores, chosen_device, multiplies_bfloat16
+        from harness.plan.run_plan import Machine
+        from harness.studies.evidence.evidence_context import EvidenceContext
 
-    def context(out: Path) -> EvidenceContext:
+        device = chosen_device(options.device)
+        machine = Machine(device.type, options.workers or (available_cores() if device.type == "cpu" else 1), 1)
+        as_planned = multiplies_bfloat16(device)
         return EvidenceContext(out, options.view_sets, out, options.quick, show, machine, as_planned)
 
     return _measure(options, show, SHELF, context)
 
 
-def run_frontier(options: argparse.Namespace, show: "Progress") -> int:
+def run_frontier(options: argparse.Namespace, show: Progress) -> int:
     from harness.studies.frontier.frontier_studies import SHELF
 
     if options.quick and options.long:
@@ -144,8 +140,6 @@ def run_frontier(options: argparse.Namespace, show: "Progress") -> int:
         record = read_studies((options.out or PUBLISHED_FRONTIER) / SHELF.file)
         print(pick(record.study("needs"), options.pick, options.seconds))
         return 0
-    if options.list:
-        return _listed(SHELF)
     from baselines.catalog import CATALOG
     from harness.machine.device import available_cores, chosen_device, multiplies_bfloat16
     from harness.plan.run_plan import Machine
@@ -171,76 +165,74 @@ def run_frontier(options: argparse.Namespace, show: "Progress") -> int:
     return _measure(options, show, SHELF, context)
 
 
-def run_stability(options: argparse.Namespace, show: "Progress") -> int:
+def run_stability(options: argparse.Namespace, show: Progress) -> int:
     from harness.studies.stability.cases import SHELF
 
-    if options.list:
-        return _listed(SHELF)
-    from baselines.catalog import CATALOG
-    from harness.machine.device import available_cores
-    from harness.plan.run_plan import Machine
-    from harness.studies.stability.stability_context import METHODS, StabilityContext
+    if options.methods:
+        from baselines.catalog import CATALOG
 
-    methods = known_names("--methods", options.methods or list(METHODS), list(CATALOG))
-    machine = Machine("cpu", available_cores(), available_cores())
+        known_names("--methods", options.methods, list(CATALOG))
 
-    def context(out: Path) -> StabilityContext:
+    def context(out: Path) -> "StudyContext":
+        from harness.machine.device import available_cores
+        from harness.plan.run_plan import Machine
+        from harness.studies.stability.stability_context import METHODS, StabilityContext
+
+        methods = tuple(options.methods or METHODS)
+        machine = Machine("cpu", available_cores(), available_cores())
         return StabilityContext(out, options.view_sets, out, options.quick, show, machine, methods)
 
     return _measure(options, show, SHELF, context)
 
 
-def run_speed(options: argparse.Namespace, show: "Progress") -> int:
+def run_speed(options: argparse.Namespace, show: Progress) -> int:
     from harness.studies.speed.questions import SHELF
 
     require_between(options, plain_seconds=(1, 86400))
-    if options.list:
-        return _listed(SHELF)
-    from harness.machine.device import available_cores, chosen_device
-    from harness.machine.processor_class import class_here
-    from harness.plan.run_plan import Machine
-    from harness.studies.speed.speed_context import SpeedContext
 
-    seconds = options.plain_seconds or (QUICK_PLAIN_SECONDS if options.quick else PLAIN_SECONDS)
-    # the sizes of `quick` gain nothing from threads, which wait for each other on a busy machine
-    machine = Machine(chosen_device(options.device).type, 1, 1 if options.quick else available_cores())
+    def context(out: Path) -> "StudyContext":
+        from harness.machine.device import available_cores, chosen_device
+        from harness.plan.run_plan import Machine
+        from harness.studies.speed.speed_context import SpeedContext
 
-    def context(out: Path) -> SpeedContext:
+        seconds = options.plain_seconds or (QUICK_PLAIN_SECONDS if options.quick else PLAIN_SECONDS)
+        # the sizes of `quick` gain nothing from threads, which wait for each other on a busy machine
+        machine = Machine(chosen_device(options.device).type, 1, 1 if options.quick else available_cores())
         return SpeedContext(out, options.view_sets, out, options.quick, show, machine, seconds)
 
     def append_to_history(out: Path) -> None:
+        from harness.machine.processor_class import class_here
+
         if not options.quick:
             remember(options.history, out / SHELF.file, class_here(), show)
 
     return _measure(options, show, SHELF, context, append_to_history)
 
 
-def run_serving(options: argparse.Namespace, show: "Progress") -> int:
+def run_serving(options: argparse.Namespace, show: Progress) -> int:
     from harness.studies.serving.serving_studies import SHELF
 
     require_between(options, width=(8, 4096), threads=(1, 256))
-    if options.list:
-        return _listed(SHELF)
-    from harness.machine.device import chosen_device
-    from harness.plan.run_plan import Machine
-    from harness.playback.run_loader import FinishedRun
-    from harness.studies.serving.serving_context import ServingContext
 
-    finished = FinishedRun.of(options.out)
-    scenes, methods = finished.scenes(options.scenes), finished.methods(options.methods)
-    if options.seed not in finished.run.seeds:
-        known = " ".join(map(str, finished.run.seeds))
-        raise InputError(f"--seed {options.seed}: the run does not have it; it has {known}")
-    machine = Machine(chosen_device(options.device).type, 1, options.threads)
+    def context(out: Path) -> "StudyContext":
+        from harness.machine.device import chosen_device
+        from harness.plan.run_plan import Machine
+        from harness.playback.run_loader import FinishedRun
+        from harness.studies.serving.serving_context import ServingContext
 
-    def context(out: Path) -> ServingContext:
+        finished = FinishedRun.of(out)
+        scenes, methods = finished.scenes(options.scenes), finished.methods(options.methods)
+        if options.seed not in finished.run.seeds:
+            known = " ".join(map(str, finished.run.seeds))
+            raise InputError(f"--seed {options.seed}: the run does not have it; it has {known}")
+        machine = Machine(chosen_device(options.device).type, 1, options.threads)
         own = finished, scenes, methods, options.seed, options.width
         return ServingContext(out, options.view_sets, out, options.quick, show, machine, *own)
 
     return _measure(options, show, SHELF, context)
 
 
-def run_conformance(options: argparse.Namespace, show: "Progress") -> int:
+def run_conformance(options: argparse.Namespace, show: Progress) -> int:
     import torch
 
     from harness.machine.device import use_threads
@@ -285,7 +277,7 @@ def methods_lines() -> list[str]:
     return lines + [f"method  {point.name}: {said_of(point)}" for points in offered().values() for point in points]
 
 
-def run_scaling(options: argparse.Namespace, show: "Progress") -> int:
+def run_scaling(options: argparse.Namespace, show: Progress) -> int:
     from harness.records.study import read_studies
     from harness.studies.speed.full_setting import page
 

@@ -107,9 +107,6 @@ class Progress:
     def close(self) -> None: ...
 
 
-Quiet = Progress
-
-
 class Lines(Progress):
     """Plain lines: at most one every few seconds, and one for each rendered scene and ended cell."""
 
@@ -228,5 +225,5 @@ def cell_line(cell: "CellRecord") -> str:
 
 def chosen_progress(quiet: bool) -> Progress:
     if quiet:
-        return Quiet()
+        return Progress()
     return Bars() if sys.stdout.isatty() else Lines()

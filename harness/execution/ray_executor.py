@@ -16,7 +16,7 @@ from harness.plan.group_task import GroupTask
 from harness.records.cells import cell_path, write_cell
 from harness.records.snapshot import drop_ended, unfinished_path
 from scenes.files.atomic import write_atomically
-from scenes.files.errors import InputError
+from scenes.files.errors import InputError, named
 
 MOST_ATTEMPTS = 6
 """The maximum number of attempts at a group that a dying node or worker ends; then its cells are recorded as errors."""
@@ -46,7 +46,7 @@ def run_on_ray(tasks: list[GroupTask], commit: str) -> Iterator[Event]:
             cause = error.cause if isinstance(error, ray.exceptions.RayTaskError) else error
             if not isinstance(cause, ray.exceptions.RayError):
                 raise
-            why = " ".join(f"{type(cause).__name__}: {cause}".split())[:300]
+            why = named(cause)
             if isinstance(cause, _lost_clusters()):
                 why = (
                     f"the cluster is lost ({type(cause).__name__}): its head or this node's Ray ended; start Ray again"

@@ -21,12 +21,12 @@ from harness.machine.device import available_cores, keep_freed_memory, use_threa
 from harness.machine.processor_class import class_here
 from harness.machine.provenance import committed, provenance
 from harness.plan.run_plan import Machine
-from harness.records.json_record import file_digest
 from harness.records.study import Check, Studies, StudyInfo, read_studies
 from harness.run_folder.folder_lock import scratch_folder
 from harness.studies import framework
 from harness.studies.framework import Shelf, Study
 from scenes.files.atomic import write_atomically
+from scenes.files.digest import file_digest
 
 JUNIT_FILE = "junit.xml"
 CPU = torch.device("cpu")

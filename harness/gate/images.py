@@ -22,8 +22,8 @@ from harness.gate.gates import (
     RENEWAL_BLOCKS,
 )
 from harness.gate.limits import Limit, judge
-from harness.records.json_record import file_digest
 from harness.records.study import Check
+from scenes.files.digest import file_digest
 from scenes.files.errors import InputError
 from scenes.view_sets.images import read_channels, write_channels, write_png
 from scenes.view_sets.pixels import display_from_linear, over_white

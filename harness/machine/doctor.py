@@ -23,6 +23,7 @@ from harness.machine.cores import (
     quota_cores,
 )
 from harness.machine.wait_policy import SPINS, VARIABLE
+from scenes.files.errors import named
 from scenes.files.json_object import JsonObject
 from scenes.rendering.variant import OLDEST_LLVM, llvm_libraries, probe
 
@@ -39,7 +40,6 @@ EXTRAS = {
     "view": "`view`",
     "film": "`film`",
     "stability": "`study stability`",
-    "completion": "`completion`",
     "ray": "--executor ray",
     "submitit": "--executor submitit",
     "tensorboard": "--tensorboard",
@@ -293,5 +293,4 @@ def findings() -> Iterator[Finding]:
         except Exception as error:
             if isinstance(error, ModuleNotFoundError) and error.name in missing:
                 continue
-            words = " ".join(f"{type(error).__name__}: {error}".split())[:300]
-            yield Finding(name, words, "missing", "repair what it names", needed=name in ESSENTIAL)
+            yield Finding(name, named(error), "missing", "repair what it names", needed=name in ESSENTIAL)

@@ -29,7 +29,8 @@ from baselines.catalog import CATALOG, Method
 from baselines.composition import ACTIVATIONS, LADDERS, LOSSES, SKIPS, Parts
 from baselines.numerics.quadrature import QUADRATURES
 from harness.plan.schedule import Decay
-from scenes.files.errors import InputError
+from scenes.files.digest import file_digest
+from scenes.files.errors import InputError, named
 from scenes.files.trial import how_it_ends
 
 GROUP = "radiance_verdict.methods"
@@ -131,7 +132,7 @@ def _take(name: str, points: list[EntryPoint]) -> None:
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # including SystemExit
-        raise InputError(f"{where} cannot be loaded: {one_line(error)}") from error
+        raise InputError(f"{where} cannot be loaded: {named(error)}") from error
     finally:
         replaced = [name for table, was in zip(TABLES, before, strict=True) for name in _restored(table, was)]
     if replaced:
@@ -142,7 +143,7 @@ def _take(name: str, points: list[EntryPoint]) -> None:
         package, version = package_of(point)
         origin = {"package": package, "version": version, "entry_point": point.value, "sources": sources_digest(point)}
     except (OSError, ValueError, TypeError, csv.Error) as error:
-        raise InputError(f"{where}: its files cannot be read ({one_line(error)}); install it again") from error
+        raise InputError(f"{where}: its files cannot be read ({named(error)}); install it again") from error
     for _, table, own in _named_parts(method):
         table.update(own)
     CATALOG[name] = method
@@ -167,10 +168,6 @@ def package_of(point: EntryPoint) -> tuple[str, str]:
     return str(point.dist.metadata["Name"] or "unknown"), str(point.dist.metadata["Version"] or "?")
 
 
-def one_line(error: BaseException) -> str:
-    return " ".join(f"{type(error).__name__}: {error}".split())[:300]
-
-
 def _is_frozen_dataclass(settings: object) -> bool:
     return getattr(getattr(type(settings), "__dataclass_params__", None), "frozen", False)
 
@@ -185,7 +182,7 @@ def _wrong_in_records(method: Method) -> str | None:
     try:
         method.deviations_with(method.settings)
     except (KeyError, IndexError, ValueError, TypeError) as error:
-        return f"its deviations name what its settings do not have: {one_line(error)}"
+        return f"its deviations name what its settings do not have: {named(error)}"
     return None
 
 
@@ -250,8 +247,7 @@ def sources_digest(point: EntryPoint) -> str:
     """
     digest = hashlib.sha256()
     for name, file in sorted(_files(point)):
-        with file.open("rb") as content:
-            digest.update(f"{name} {hashlib.file_digest(content, 'sha256').hexdigest()}\n".encode())
+        digest.update(f"{name} {file_digest(file)}\n".encode())
     return digest.hexdigest()
 
 

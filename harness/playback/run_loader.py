@@ -26,13 +26,12 @@ from harness.records.cells import (
     read_run,
     records_folder,
 )
-from harness.records.json_record import shown
 from harness.training.batches import Camera
 from harness.training.checkpoints import checkpoint_path, load_checkpoint
 from harness.training.learner import Job, Learner
 from harness.training.lockstep import stream_of
 from harness.training.make_learner import learner_for
-from scenes.files.errors import DamagedRecord, InputError
+from scenes.files.errors import DamagedRecord, InputError, shown
 from scenes.modelling.needs import part_name, with_needs
 from scenes.view_sets.formats.foreign import source_of
 from scenes.view_sets.formats.transforms import transforms_file

@@ -9,18 +9,10 @@ from msgspec.structs import asdict, replace
 
 from harness.records.claims import ClaimFile
 from harness.records.former.four_words import in_two_words
-from harness.records.json_record import (
-    REMEDY,
-    Record,
-    digest_of,
-    file_digest,
-    plain,
-    read_record,
-    without_gaps,
-    write_record,
-)
+from harness.records.json_record import REMEDY, Record, digest_of, plain, read_record, without_gaps, write_record
 from harness.records.metric_table import POSSIBLE
 from harness.records.verdict import Verdict
+from scenes.files.digest import file_digest
 from scenes.files.errors import DamagedRecord
 from scenes.files.json_object import JsonObject
 

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import msgspec
 
 from scenes.files.atomic import write_atomically
-from scenes.files.errors import DamagedRecord
+from scenes.files.errors import DamagedRecord, shown
 from scenes.files.json_object import JsonObject
 
 DIGEST = "digest"
@@ -70,12 +70,6 @@ def load_json(path: Path) -> Any:
         raise ValueError("is nested too deeply") from error
 
 
-def shown(value: object) -> str:
-    """Return the representation of a value for a message, cut to a readable length."""
-    text = repr(value)
-    return text if len(text) <= 80 else f"{text[:77]}…"
-
-
 def digest_of(data: object) -> str:
     """Return the SHA-256 of keys and values in their order; raises `ValueError` on NaN or Infinity."""
     try:
@@ -91,12 +85,6 @@ def without_gaps(data: object) -> object:
         values = {key: without_gaps(data[key]) for key in sorted(data)}
         return {key: value for key, value in values.items() if value is not None and value not in ({}, [])}
     return [without_gaps(value) for value in data] if isinstance(data, list | tuple) else data
-
-
-def file_digest(path: Path) -> str:
-    """Return the SHA-256 of a file's bytes; raises `OSError`."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def write_json(path: Path, data: object) -> None:

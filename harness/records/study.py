@@ -14,7 +14,7 @@ from msgspec import field
 
 from harness.records.cells import Budget, Estimate
 from harness.records.former.four_words import in_two_words
-from harness.records.json_record import Record, as_promised, finite_or_none, load_record, write_record
+from harness.records.json_record import Record, finite_or_none, read_record, write_record
 from harness.records.verdict import Verdict
 from scenes.files.errors import DamagedRecord
 from scenes.files.json_object import JsonObject
@@ -294,13 +294,7 @@ def again(shelf: str, out: Path) -> str:
 
 def read_studies(path: Path) -> Studies:
     """Read studies; raises `DamagedRecord` for any other file."""
-    shelf = path.stem
-    try:
-        data = load_record(path)
-        if data.get("schema") != SCHEMA:
-            raise ValueError(f"not a record of studies of schema {SCHEMA}")
-        return as_promised(in_two_words(data), Studies)
-    except OSError as error:
-        raise DamagedRecord(f"{path}: {error.strerror}; name a file that `nox -s {shelf}` wrote") from error
-    except (ValueError, RecursionError) as error:
-        raise DamagedRecord(f"{path}: {error}; {again(shelf, path.parent)}") from error
+    if not path.exists():
+        raise DamagedRecord(f"{path}: is missing; name a file that `nox -s {path.stem}` wrote")
+    remedy = again(path.stem, path.parent)
+    return read_record(path, Studies, SCHEMA, remedy=remedy, by_hand=True, former=in_two_words)

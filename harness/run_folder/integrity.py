@@ -20,7 +20,6 @@ from harness.records.cells import (
     read_comparisons,
     read_run,
 )
-from harness.records.json_record import file_digest
 from harness.records.pictures import read_truth, truth_pictures
 from harness.records.snapshot import ENDED, read_unfinished, unfinished_path
 from harness.records.snapshot import FOLDER as UNFINISHED
@@ -28,6 +27,7 @@ from harness.records.study import SHELVES, read_studies
 from harness.records.targets import TARGETS_FILE, read_targets
 from harness.run_folder.folder_lock import remove_abandoned
 from scenes.files.atomic import remove_leftovers
+from scenes.files.digest import file_digest
 from scenes.files.errors import DamagedRecord, InputError
 
 DAMAGED = "damaged"

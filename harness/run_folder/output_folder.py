@@ -11,11 +11,11 @@ from typing import TypeVar
 
 from harness.plan.run_plan import Machine, Plan
 from harness.records.cells import records_folder
-from harness.records.json_record import load_record, shown, write_record
+from harness.records.json_record import load_record, write_record
 from harness.run_folder.folder_lock import LOCK_FILE, locked_folder
 from harness.run_folder.integrity import DAMAGED, plan_of_cells, quarantine, reason_of, repair, sweep
 from scenes.files.atomic import replacing
-from scenes.files.errors import DamagedRecord, InputError
+from scenes.files.errors import DamagedRecord, InputError, shown
 from scenes.files.json_object import JsonObject
 
 LEAST_FREE_BYTES = 200 << 20

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from harness.execution.progress import Progress
 from harness.records.study import (
     Answer,
     Check,
@@ -29,7 +30,6 @@ from scenes.files.errors import DamagedRecord, InputError
 if TYPE_CHECKING:
     import torch
 
-    from harness.execution.progress import Progress
     from harness.plan.run_plan import Machine
 
 TRAININGS_FOLDER = "studies"
@@ -97,7 +97,7 @@ class StudyContext(ABC):
     """A folder for temporary files; `run` replaces it with a fresh folder, removed afterwards."""
     quick: bool
     """Whether to use sizes at which no figure means anything, to try out the studies themselves."""
-    show: "Progress"
+    show: Progress
     machine: "Machine"
 
     @property
@@ -173,7 +173,7 @@ def run(shelf: Shelf, asked: list[str], context: StudyContext, resume: bool) -> 
     return 3 if record.broken else 0
 
 
-def measure(findings: Iterable[Found], show: "Progress") -> list[Finding]:
+def measure(findings: Iterable[Found], show: Progress) -> list[Finding]:
     """Return all findings of one study; answers and checks are printed as they come."""
     complete: list[Finding] = []
     for item in findings:

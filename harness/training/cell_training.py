@@ -31,7 +31,7 @@ from harness.training.scoring.densities import density_properties
 from harness.training.scoring.lpips import lpips_of
 from harness.training.shared_state import left_as_it_was
 from harness.training.trainer import Diverged
-from scenes.files.errors import DamagedRecord, InputError
+from scenes.files.errors import DamagedRecord, InputError, named
 from scenes.files.json_object import JsonObject
 from scenes.rendering.occupancy import read_occupancy
 from scenes.view_sets.view_set import ViewSet
@@ -112,10 +112,6 @@ def _same(before: object, now: object) -> bool:
 
 def _short(value: object) -> object:
     return f"{value[:12]}…" if isinstance(value, str) and len(value) > 12 else value
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(f"{type(error).__name__}: {error}".split())[:200]
 
 
 COLLAPSED_OPACITY = 0.02
@@ -203,7 +199,7 @@ class CellTraining:
         except Exception as error:
             # a user's method may have state that a snapshot cannot store; its training continues
             self.can_be_kept = False
-            return f"{self.name}: no snapshot can be written in the middle of its training ({_one_line(error)})"
+            return f"{self.name}: no snapshot can be written in the middle of its training ({named(error, 200)})"
         return None
 
     def resume(self) -> str | None:
@@ -233,7 +229,7 @@ class CellTraining:
             self.resumed_at = [*listing["resumed_at"], self.trainer.step]
         except Exception as error:
             raise IncompatibleSnapshot(
-                f"{self.name}: trained from the start, as its snapshot is not compatible ({_one_line(error)})"
+                f"{self.name}: trained from the start, as its snapshot is not compatible ({named(error, 200)})"
             ) from error
         return f"{self.name}: resumes at step {self.trainer.step}"
 

@@ -204,7 +204,7 @@ class Trainer(BudgetedTrainer):
                 norms = self._clipped_gradient(loss)
                 self.optimiser.step(rate)
             self.fields.zero_grad(set_to_none=True)
-            if not _all_finite(self._weights()):
+            if not _all_finite(self.fields.parameters()):
                 raise Diverged(self.step, self._first_not_finite("weight"))
             if self.average:
                 self.average.observe()
@@ -325,12 +325,9 @@ class Trainer(BudgetedTrainer):
             # a NaN exceeds no threshold: the cell would count as empty for good
             raise Diverged(self.step, "density in the occupancy grid")
 
-    def _weights(self) -> Iterable[Tensor]:
-        return (weight.detach() for weight in self.fields.parameters())
-
     def _diverged(self, where: str) -> Diverged:
         """Return the error, which names a weight that is not finite rather than `where`."""
-        return Diverged(self.step, where if _all_finite(self._weights()) else self._first_not_finite("weight"))
+        return Diverged(self.step, where if _all_finite(self.fields.parameters()) else self._first_not_finite("weight"))
 
     def _first_not_finite(self, what: str) -> str:
         for name, weight in self.fields.named_parameters():
@@ -342,6 +339,6 @@ class Trainer(BudgetedTrainer):
 
 def _all_finite(tensors: Iterable[Tensor]) -> bool:
     """Return whether all values are finite, with a single synchronisation if every norm is finite, the usual case."""
-    listed = list(tensors)
+    listed = [tensor.detach() for tensor in tensors]
     norm_is_finite = bool(torch.isfinite(nn.utils.get_total_norm(listed)))
     return norm_is_finite or all(bool(torch.isfinite(tensor).all()) for tensor in listed)

@@ -39,8 +39,6 @@ class Change:
     """The judgement of `after` − `before`."""
     by_scene: dict[str, float]
     """Scene → the change of the mean over seeds."""
-    seeds_paired: bool
-    """Whether both situations have the same seeds, so that each scene and seed has a change."""
 
 
 def change(
@@ -93,4 +91,4 @@ def change_of(
         elsewhere = estimate(paired_difference(moved, family), margin) if len(moved) > 1 else None
         judgement = Judgement(float(moved.mean()), here, elsewhere, pairs, second.size - pairs)
     by_scene = dict(zip(shared, map(float, moved), strict=True))
-    return Change(method, against, float(means[0].mean()), float(means[1].mean()), judgement, by_scene, paired)
+    return Change(method, against, float(means[0].mean()), float(means[1].mean()), judgement, by_scene)

@@ -23,11 +23,11 @@ from harness.records.cells import (
     read_run,
     records_folder,
 )
-from harness.records.json_record import REMEDY, shown
+from harness.records.json_record import REMEDY
 from harness.records.targets import TARGETS_FILE, TargetsRecord, read_targets
 from harness.verdicts.claim_files import claims_of, usual_roles
 from harness.verdicts.comparisons import compare
-from scenes.files.errors import DamagedRecord
+from scenes.files.errors import DamagedRecord, shown
 
 Value = TypeVar("Value")
 

@@ -17,6 +17,7 @@ def digest_of(value: object) -> str:
 
 
 def file_digest(file: Path) -> str:
+    """Return the SHA-256 of a file's bytes; raises `OSError`."""
     with file.open("rb") as handle:
         return hashlib.file_digest(handle, "sha256").hexdigest()
 

@@ -33,9 +33,20 @@ def printable(text: str) -> str:
     return "".join(letter if letter.isprintable() or letter == "\n" else repr(letter)[1:-1] for letter in text)
 
 
+def shown(value: object) -> str:
+    """Return the representation of a value for a message, cut to a readable length."""
+    text = repr(value)
+    return text if len(text) <= 80 else f"{text[:77]}…"
+
+
 def short(error: Exception, length: int = 300) -> str:
     """Return the message of a library's error on one short line."""
     return " ".join(str(error).split())[:length] or type(error).__name__
+
+
+def named(error: BaseException, length: int = 300) -> str:
+    """Return the kind and the message of an error on one short line."""
+    return " ".join(f"{type(error).__name__}: {error}".split())[:length]
 
 
 def as_text(text: str) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from scenes.catalog.entries import scene_named
 from scenes.files.errors import InputError
-from scenes.rendering.render import LoadedScene, seed_from
+from scenes.rendering.render import LoadedScene, display_noise, seed_from
 from scenes.rendering.variant import Variant
 from scenes.view_sets.formats.transforms import read_transforms
 from scenes.view_sets.images import read_channels
@@ -62,7 +62,7 @@ def rerender_noise(
     for number in range(repeats):
         a, b = (loaded.colour(pose, math.ceil(spp / 2), seed_from("again", name, number, half)) for half in "ab")
         images.append(as_scored((a + b) / 2))
-        halves.append(mean_square(as_scored(a) - as_scored(b)) / 4)
+        halves.append(display_noise(a, b))
     # the variance of a sample is half of the mean square difference of its pairs
     return float(np.var(images, axis=0, ddof=1).mean()), float(np.mean(halves))
 
@@ -70,7 +70,3 @@ def rerender_noise(
 def as_scored(linear: np.ndarray) -> np.ndarray:
     """Map linear premultiplied [h, w, 4] to display colour over white, as a score sees a stored view."""
     return over_white(display_from_linear(linear)).astype(np.float64)
-
-
-def mean_square(difference: np.ndarray) -> float:
-    return float(np.mean(difference**2))

@@ -8,9 +8,9 @@ from typing import Annotated
 from msgspec import Meta, Struct, convert, field, to_builtins
 
 from scenes.files.digest import file_digest, json_digest
-from scenes.files.errors import InputError
+from scenes.files.errors import InputError, shown
 from scenes.files.json_object import JsonObject
-from scenes.view_sets.formats.transforms import Number, read_json, shown
+from scenes.view_sets.formats.transforms import Number, read_json
 
 FORMAT = "radiance-verdict view set"
 SCHEMA = 1
@@ -161,7 +161,7 @@ def salvaged(folder: Path, donors: list[Path], order: str, names: list[str]) -> 
     """Copy intact views of `donors` to `folder` and its journal; return view → its facts. Raises `OSError`."""
     taken: dict[str, JsonObject] = {}
     for donor in donors:
-        for name, line in {**_from_manifest(donor, order), **_from_journal(donor, order)}.items():
+        for name, line in _from_journal(donor, order).items():
             if name in taken or name not in names or line["files"] != _digests(donor, name):
                 continue
             for suffix in SUFFIXES:
@@ -188,19 +188,6 @@ def _from_journal(folder: Path, order: str) -> dict[str, JsonObject]:
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
             continue
     return lines
-
-
-def _from_manifest(folder: Path, order: str) -> dict[str, JsonObject]:
-    try:
-        manifest = read_manifest(folder)
-        if manifest.get("digest") != order:
-            return {}
-        return {
-            name: {**facts, "files": {suffix: manifest["files"][f"{name}{suffix}"] for suffix in SUFFIXES}}
-            for name, facts in manifest["views"].items()
-        }
-    except (InputError, OSError, KeyError, TypeError, AttributeError):
-        return {}
 
 
 def _digests(folder: Path, name: str) -> dict[str, str | None]:

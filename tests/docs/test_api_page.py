@@ -9,9 +9,9 @@ import pandas as pd
 import pytest
 
 import radiance_verdict as rv
-from harness.records.json_record import file_digest
 from harness.verdicts.judging.judgement import judge
 from harness.verdicts.tables.result_table import read_table
+from scenes.files.digest import file_digest
 from scenes.view_sets.images import write_png
 from tests.harness.ball import write_ball
 from tests.harness.shell import ROOT

@@ -9,7 +9,7 @@ import pytest
 from harness.command.plan_options import planned
 from harness.execution.group import run_group
 from harness.execution.group_loop import Event
-from harness.execution.progress import Quiet
+from harness.execution.progress import Progress
 from harness.execution.run import run
 from harness.plan.group_task import GroupTask
 from harness.plan.run_plan import Machine
@@ -59,5 +59,5 @@ def train_run(
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("harness.execution.run.run_locally", in_this_process)
         preceded(patch, cell_training, "save_checkpoint", lambda learner, path: on_trained(learner))
-        run(plan, out, folder, machine, "none", Quiet())
+        run(plan, out, folder, machine, "none", Progress())
     return out

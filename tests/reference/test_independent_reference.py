@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from harness.execution.progress import Quiet
+from harness.execution.progress import Progress
 from harness.plan.run_plan import Machine
 from harness.records.study import Check
 from harness.studies.stability.rays import reference_cases
@@ -114,7 +114,7 @@ def test_the_case_says_what_is_missing_without_llvm(tmp_path: Path, monkeypatch:
         raise InputError(f"Mitsuba variant {name} does not work here")
 
     monkeypatch.setattr(reference_cases, "choose_variant", refuse)
-    context = StabilityContext(tmp_path, tmp_path, tmp_path, True, Quiet(), Machine("cpu", 1, 1), ("nerf",))
+    context = StabilityContext(tmp_path, tmp_path, tmp_path, True, Progress(), Machine("cpu", 1, 1), ("nerf",))
     outcomes = [check for check in reference_cases.independent(context) if isinstance(check, Check)]
     missing = [check for check in outcomes if check.status == "not_available"]
     assert {check.why for check in missing} == {"Mitsuba variant llvm_ad_rgb does not work here"}

@@ -89,6 +89,10 @@ def result(run: Run, replicates: Run) -> str:
     return f"{printed}**{answer(run, replicates)}.**\n\n{differences(run, replicates=replicates)}"
 
 
+def in_brief(run: Run) -> str:
+    return f"{differences(run)}\n\n{scale(run)}"
+
+
 def differences(run: Run, budget: str = "steps", replicates: Run | None = None) -> str:
     of_pairs = replicated(run, replicates or {})
     duels = {pair: duel for pair in DUELS if (duel := row(run, "all", *pair, budget))}
@@ -170,8 +174,7 @@ def second_run(run: Run, other: Run, replicates: Run) -> str:
     ]
     words = "on scenes like these" if same else "on single scenes"
     head = (f"test PSNR; differences {words}, 95 %", *map(training, runs))
-    machines = {each["provenance"]["processor"] for each in runs}
-    seconds = OTHER_PROCESSORS if len(machines) > 1 else None
+    seconds = OTHER_PROCESSORS if len(processors_of(*runs)) > 1 else None
     return "\n\n".join(filter(None, [table(head, rows), seconds, _change_between(run, other, methods), scale(other)]))
 
 
@@ -231,6 +234,7 @@ OTHER_CONSTANTS = (
     "is not judged."
 )
 OTHER_PROCESSORS = "The columns are of different processors: compare core seconds only inside a column."
+RUNS_OF_OTHERS = "The two runs are of different processors, which differ in the last bits of every step."
 OWN_CONSTANTS = "In each column, every method has the constants that a search chose at the column's own scale."
 ONE_FOR_ALL = "one for all"
 """The start of all methods of a run from before each method had a separate start."""
@@ -269,19 +273,20 @@ def ceiling(run: Run, late: Run) -> str:
                 f"`{method}` cannot exceed {limit}{late_too}, and reaches it in {reached} of {len(shares)} trainings"
             )
     reached_in = f" {'; '.join(bound)}." if bound else ""
-    lines = [
-        f"After {side['settings']['budget']['steps']} steps: {line}" for side in (run, late) for line in limited(side)
-    ]
-    return "\n\n".join(
-        [f"Largest density of each training, per half of the box: {listed(ranges)}.{reached_in}", *lines]
+    return (
+        f"Largest density of each training, per half of the box: {listed(ranges)}.{reached_in}\n\n{limits(run, late)}"
     )
 
 
-def limited(run: Run) -> list[str]:
-    """Return the line of each bounded main method, if the run recorded the effect of its limit."""
-    return lines_of(
-        (f"`{method}`", [cell["properties"] for cell in run["cells"] if cell["method"] == method])
-        for method in main_methods(run)
+def limits(*runs: Run) -> str:
+    """State what the largest density of each bounded main method can show at the resolution of each run."""
+    return "\n\n".join(
+        f"After {run['settings']['budget']['steps']} steps: {line}"
+        for run in runs
+        for line in lines_of(
+            (f"`{method}`", [cell["properties"] for cell in run["cells"] if cell["method"] == method])
+            for method in main_methods(run)
+        )
     )
 
 
@@ -318,6 +323,10 @@ def doubling(run: Run) -> str:
     return f"The last doubling of the steps brought {listed(named)}.{cost}" if named else ""
 
 
+def processors_of(*runs: Run) -> set[str]:
+    return {run["provenance"]["processor"] for run in runs}
+
+
 def twice_the_steps(shorter: Run, longer: Run) -> str:
     """Tabulate the effect of twice the steps, between two trainings of the same constants and within the longer one."""
     if any(density_of(shorter, method) != density_of(longer, method) for method in (BASELINE, FAVOURITE)):
@@ -352,7 +361,8 @@ def twice_the_steps(shorter: Run, longer: Run) -> str:
         )
     for scores, which in ((before, "shorter"), (after, "longer")):
         entries[f"`{FAVOURITE}` − `{BASELINE}`, {which}"] = mean_of(scores[FAVOURITE] - scores[BASELINE])
-    return table(("test PSNR, 95 %", scale), entries.items())
+    rows = table(("test PSNR, 95 %", scale), entries.items())
+    return f"{rows}\n\n{RUNS_OF_OTHERS}" if len(processors_of(shorter, longer)) > 1 else rows
 
 
 def _with_interval(gain: float | None, interval: tuple[float, float] | None) -> str:

@@ -7,7 +7,10 @@ import numpy as np
 
 from harness.records.metric_table import METRICS
 from harness.records.study import Studies
-from harness.verdicts.statistics import paired_difference, verdict
+from harness.records.verdict import verdict_of
+from harness.studies.frontier.frontier_context import PHI_BUDGET
+from harness.studies.frontier.phi import sentences
+from harness.verdicts.statistics import paired_difference
 from reports.data.wording import counted, interval, listed, number, signed, significant
 from tools.published.published_cells import Run
 from tools.published.run_blocks import table, target
@@ -17,14 +20,21 @@ SIZES = (100, 400, 800)
 FRONTIER_PICTURE = "![Error against core seconds of training](frontier/frontier.png)"
 
 
-def evidence(record: Studies) -> str:
-    """State the answer of each study and the failing checks."""
+def evidence(record: Studies, earlier: Studies) -> str:
+    """State the answer of each study and the failing checks, then the studies of an earlier version."""
+    before = (
+        f"Of an earlier version (commit {earlier.provenance.get('commit')}, {earlier.provenance.get('processor')}):"
+    )
+    pictures = "![What each part does](reduced/evidence_effects.png)", "![Frequencies](reduced/bandwidth.png)"
+    return "\n\n".join([_answered(record), before, _answered(earlier), *pictures])
+
+
+def _answered(record: Studies) -> str:
     checks, broken = list(record.checks()), record.broken
     answers = [f"* **{study.info.title}** {study.answers[0]}" for study in record.studies if study.answers]
     lost = "; ".join(f"{check.what} ({study.info.title})" for study, check in broken)
     hold = f"{len(checks) - len(broken)} of {len(checks)} checks hold{'; not: ' if broken else ''}{lost}."
-    pictures = "![What each part does](reduced/evidence_effects.png)", "![Frequencies](reduced/bandwidth.png)"
-    return "\n\n".join(["\n".join(answers), hold, *pictures])
+    return "\n\n".join(["\n".join(answers), hold])
 
 
 def objections(record: Studies) -> str:
@@ -41,7 +51,10 @@ def _answers(record: Studies, id: str) -> list[str]:
 
 def frontier(record: Studies) -> str:
     by_title = {
-        study.info.title: study.answers if study.info.id == "phi" else study.answers[:1] for study in record.studies
+        study.info.title: sentences(study.effects, min(PHI_BUDGET, max(record.settings["amount"]["budgets"])))
+        if study.info.id == "phi"
+        else study.answers[:1]
+        for study in record.studies
     }
     answers = [f"* **{title.rstrip('?')}.** {' '.join(words)}" for title, words in by_title.items() if words]
     means = [means for study in record.studies for means in study.tables if means.id == "over_scenes"]
@@ -169,7 +182,7 @@ def left_out_over_scenes(effects: Run) -> str:
         saved = fmean(row["seconds_saved"] for row in rows)
         words.append(
             f"{what} {signed(effect.mean)} dB {interval(effect.interval)} on {counted(len(changes), 'scene')} "
-            f"({verdict(effect, of_interest).phrase}), {number(saved, 0)} core s saved a cell"
+            f"({verdict_of(effect.simultaneous, of_interest).phrase}), {number(saved, 0)} core s saved a cell"
         )
     return f"Left out, over scenes ({counted(len(seeds), 'seed')}): {'; '.join(words)}." if words else ""
 

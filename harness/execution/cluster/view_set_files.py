@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from scenes.files.atomic import replacing
+from scenes.files.digest import file_digest
 from scenes.files.errors import InputError
 
 PIECE_BYTES = 32 << 20
@@ -38,9 +39,7 @@ def listed(folder: Path) -> Listing:
             relative = file.relative_to(folder)
             if file.is_file() and not any(part.startswith(".") for part in relative.parts):
                 files[relative.as_posix()] = file.stat().st_size
-                with file.open("rb") as handle:
-                    content = hashlib.file_digest(handle, "sha256").hexdigest()
-                digest.update(f"{relative.as_posix()} {content}\n".encode())
+                digest.update(f"{relative.as_posix()} {file_digest(file)}\n".encode())
     except OSError as error:
         raise InputError(f"{error.filename or folder}: cannot be read ({error.strerror})") from error
     return Listing(folder.resolve(), files, digest.hexdigest())

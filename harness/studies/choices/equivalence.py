@@ -12,9 +12,8 @@ from typing import Literal
 
 from harness.plan.run_plan import Plan
 from harness.records.json_record import plain
-from harness.records.verdict import OPEN
+from harness.records.verdict import OPEN, verdict_of
 from harness.studies.choices.arms import PLANNED, Arm, CellArms, CellTask, trained_cells, weigh
-from harness.verdicts.statistics import verdict
 
 Change = Literal["grid", "precision"]
 SMALLEST_OF_INTEREST_DB = 0.2
@@ -91,5 +90,5 @@ def _summary(rows: list[ScorePair]) -> dict[str, object]:
         "difference": result.mean if result else None,
         "interval": result.interval if result else None,
         "largest": max((abs(changed - planned) for changed, planned in both), default=None),
-        "verdict": plain(verdict(result, SMALLEST_OF_INTEREST_DB) if result else OPEN),
+        "verdict": plain(verdict_of(result.simultaneous, SMALLEST_OF_INTEREST_DB) if result else OPEN),
     }

@@ -4,10 +4,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
-from harness.plan.plugins import one_line
 from harness.studies.conformance import derivatives, field_checks, learner_checks
 from harness.studies.conformance.subject import Broken, Subject
 from harness.training.make_learner import NotAvailable
+from scenes.files.errors import named
 
 FIELD_CHECKS: dict[str, Callable[[Subject], None]] = {
     "protocols": field_checks.keeps_the_protocols,
@@ -60,6 +60,6 @@ def conformance(subject: Subject) -> Iterator[CheckOutcome]:
         except Broken as broken:
             yield CheckOutcome(subject.name, name, "broken", str(broken))
         except Exception as error:
-            yield CheckOutcome(subject.name, name, "broken", one_line(error))
+            yield CheckOutcome(subject.name, name, "broken", named(error))
         else:
             yield CheckOutcome(subject.name, name, "held")

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from harness.records.cells import CellRecord
-from harness.records.study import Table
+from harness.records.study import Effect, Table
 from harness.studies.evidence.contrasts import (
     Tables,
     chosen,
@@ -33,18 +33,26 @@ def phi(context: FrontierContext) -> Iterator[Found]:
             f"{family}_phi", "psnr", "core_seconds", 1, against=f"{family}_{control}",
         )
     ]  # fmt: skip
-    for family in ("planes", "hash_grid"):
-        changes = []
-        for control, what in CONTROLS.items():
-            over_all = chosen(effects, scene="all", budget="core_seconds", against=f"{family}_{control}")
-            changes += [f"{in_words(effect)} against {what}" for effect in over_all]
-        budget = f"{context.amount.phi_budget:g} core seconds"
-        yield f"Growing by φ changes the PSNR of {family} at {budget} by {listed(changes)}."
+    yield from sentences(effects, context.amount.phi_budget)
     yield from without_a_score(cells)
     yield from effects
     columns, scores = score_table(cells, PHI_METHODS, ("psnr",))
     title = f"PSNR at {context.amount.phi_budget:g} core seconds, dB: mean ± sd over seeds"
     yield Table("phi_scores", 0, title, ["method", *columns], [[method, *row] for method, row in scores.items()])
+
+
+def sentences(effects: list[Effect], budget: float) -> list[str]:
+    """Return a sentence per family with the effects over all scenes, after `budget` core seconds."""
+    told = []
+    for family in ("planes", "hash_grid"):
+        changes = [
+            f"{in_words(effect)} against {what}"
+            for control, what in CONTROLS.items()
+            for effect in chosen(effects, scene="all", budget="core_seconds", against=f"{family}_{control}")
+        ]
+        if changes:
+            told.append(f"Growing by φ changes the PSNR of {family} at {budget:g} core seconds by {listed(changes)}.")
+    return told
 
 
 def _differences(context: FrontierContext, cells: list[CellRecord], method: str, against: str) -> Tables:

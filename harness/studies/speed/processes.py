@@ -7,7 +7,7 @@ from multiprocessing.connection import Connection
 
 import torch
 
-from harness.execution.progress import Quiet
+from harness.execution.progress import Progress
 from harness.machine.device import available_cores, use_threads
 from harness.machine.stopping import end_with_parent
 from harness.records.study import Check
@@ -62,7 +62,7 @@ def rates_by_sharing(context: SpeedContext, cores: int, window: float) -> dict[s
         for index in range(cores):
             own_end, worker_end = spawn.Pipe()
             machine, scratch = replace(context.machine, threads=1), context.scratch / f"process-{index}"
-            worker = replace(context, machine=machine, scratch=scratch, show=Quiet())
+            worker = replace(context, machine=machine, scratch=scratch, show=Progress())
             process = spawn.Process(target=_work, args=(worker_end, worker, window), daemon=True)
             process.start()
             worker_end.close()

@@ -14,7 +14,7 @@ from safetensors.torch import load
 from torch import Tensor
 from torch.nn import functional
 
-from harness.records.json_record import file_digest
+from scenes.files.digest import file_digest
 from scenes.files.errors import InputError, short
 
 

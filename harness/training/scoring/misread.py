@@ -4,13 +4,13 @@ A wrong reading costs 5 to 20 dB, which is not the method's fault. So the usual 
 would fit the truth far better if one was made are not scored silently.
 """
 
-from collections.abc import Callable
-from typing import Protocol
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from harness.training.scoring.evaluate import spread_indices
 from harness.training.scoring.metrics import mse
+from scenes.view_sets.image_stack import ImageStack
 from scenes.view_sets.pixels import area_average, encode_srgb, over_white
 
 FAR = 2.0
@@ -26,13 +26,7 @@ THUMBNAIL = 32
 """The width of the pictures with which views are distinguished."""
 
 
-class Images(Protocol):
-    """Images by number: a list, or files that are read one at a time."""
-
-    def __len__(self) -> int: ...
-    def __getitem__(self, index: int, /) -> np.ndarray: ...
-
-
+Images = ImageStack | Sequence[np.ndarray]
 Reading = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 """A picture [h, w, 3 or 4] and the truth [h, w, 4] → the two colours that are compared, [h, w, 3] each."""
 

@@ -8,12 +8,12 @@ import numpy as np
 import torch
 
 from baselines.splats.ply import read_ply
-from harness.records.json_record import file_digest
 from harness.records.metric_table import METRICS
 from harness.records.scored_pictures import ScoredPictures
 from harness.training.scoring.evaluate import View, cameras_of, mean_scores, view_scores
 from harness.training.scoring.lpips import lpips_of
 from harness.training.scoring.misread import as_read, likely_mistake
+from scenes.files.digest import file_digest
 from scenes.files.errors import InputError
 from scenes.view_sets.formats.rendered_pictures import of_views, pictures_in, read_picture
 from scenes.view_sets.image_stack import ImageStack
@@ -23,76 +23,50 @@ from scenes.view_sets.view_set import ViewSet, read_view_set
 SCORED = tuple(name for name, metric in METRICS.items() if metric.compares in ("colour", "features"))
 
 
-class _Pictures:
-    """Pictures that are read one at a time."""
-
-    def __init__(self, files: Sequence[Path], width: int, height: int) -> None:
-        self.files, self.width, self.height = files, width, height
-
-    def __len__(self) -> int:
-        return len(self.files)
-
-    def __getitem__(self, index: int) -> np.ndarray:
-        file = self.files[index]
-        pixels = read_picture(file, self.width)
-        if pixels.shape[:2] != (self.height, self.width):
-            shape, held = f"{pixels.shape[1]} × {pixels.shape[0]}", f"{self.width} × {self.height}"
-            raise InputError(f"{file}: {shape} pixels, the test views have {held}; render the view set's own cameras")
-        return pixels
-
-    def digest(self) -> str:
-        return _digest(file.read_bytes() for file in self.files)
+def _picture(file: Path, views: ViewSet) -> np.ndarray:
+    pixels = read_picture(file, views.width)
+    if pixels.shape[:2] != (views.height, views.width):
+        shape, held = f"{pixels.shape[1]} × {pixels.shape[0]}", f"{views.width} × {views.height}"
+        raise InputError(f"{file}: {shape} pixels, the test views have {held}; render the view set's own cameras")
+    return pixels
 
 
-class _Drawn:
-    """Gaussians of a .ply file, drawn once from each test camera."""
-
-    def __init__(self, file: Path, views: ViewSet) -> None:
-        try:
-            field, self._digest = read_ply(file, views.focal), file_digest(file)
-        except OSError as error:
-            raise InputError(f"{file}: cannot be read ({error.strerror})") from error
-        except ValueError as error:
-            raise InputError(f"{file}: {error}; give the .ply of 3D Gaussian Splatting, or pictures") from error
-        cameras = cameras_of(views, views.test, torch.device("cpu"))
-        drawn = (field.render(cameras.all_rays(index)).colour.clamp(0.0, 1.0) for index in range(len(cameras)))
-        self.pictures = ImageStack.of(colour.numpy().reshape(views.height, views.width, 3) for colour in drawn)
-
-    def __len__(self) -> int:
-        return len(self.pictures)
-
-    def __getitem__(self, index: int) -> np.ndarray:
-        return self.pictures[index]
-
-    def digest(self) -> str:
-        return self._digest
+def _stacked(files: Sequence[Path], views: ViewSet) -> ImageStack:
+    first = _picture(files[0], views)
+    images = ImageStack.of([first])
+    for file in files[1:]:
+        if (picture := _picture(file, views)).shape != first.shape:
+            channels = f"{picture.shape[2]} channels, the first picture {first.shape[2]}"
+            raise InputError(f"{file}: has {channels}; save all alike")
+        images.append(picture)
+    return images
 
 
-class _Arrays:
-    """Pictures in memory, float32 [h, w, 3 or 4] each."""
+def _drawn(file: Path, views: ViewSet) -> ImageStack:
+    """Draw the Gaussians of a .ply file once from each test camera."""
+    try:
+        field = read_ply(file, views.focal)
+    except OSError as error:
+        raise InputError(f"{file}: cannot be read ({error.strerror})") from error
+    except ValueError as error:
+        raise InputError(f"{file}: {error}; give the .ply of 3D Gaussian Splatting, or pictures") from error
+    cameras = cameras_of(views, views.test, torch.device("cpu"))
+    drawn = (field.render(cameras.all_rays(index)).colour.clamp(0.0, 1.0) for index in range(len(cameras)))
+    return ImageStack.of(colour.numpy().reshape(views.height, views.width, 3) for colour in drawn)
 
-    def __init__(self, pictures: Sequence[np.ndarray]) -> None:
-        self.pictures = [np.asarray(picture) for picture in pictures]
-        first = self.pictures[0].shape if self.pictures else ()
-        if len(first) != 3 or 0 in first or first[2] not in (3, 4):
-            raise InputError(f"pictures of shape {first}: give one [height, width, 3 or 4] of each test view")
-        for view, picture in enumerate(self.pictures):
-            if picture.shape != first:
-                raise InputError(f"picture {view}: has the shape {picture.shape}, the first {first}")
-            if picture.dtype != np.uint8 and not (picture.min() >= 0.0 and picture.max() <= 1.0):
-                ends = f"{picture.min():g} to {picture.max():g}"
-                raise InputError(f"picture {view}: has values from {ends}; give uint8, or floats from 0 to 1")
-        self.shape = (len(self.pictures), *first[:2])
 
-    def __len__(self) -> int:
-        return len(self.pictures)
-
-    def __getitem__(self, index: int) -> np.ndarray:
-        picture = self.pictures[index]
-        return picture.astype(np.float32) / (255.0 if picture.dtype == np.uint8 else 1.0)
-
-    def digest(self) -> str:
-        return _digest(np.ascontiguousarray(picture).tobytes() for picture in self.pictures)
+def _checked(pictures: Sequence[np.ndarray]) -> list[np.ndarray]:
+    given = [np.asarray(picture) for picture in pictures]
+    first = given[0].shape if given else ()
+    if len(first) != 3 or 0 in first or first[2] not in (3, 4):
+        raise InputError(f"pictures of shape {first}: give one [height, width, 3 or 4] of each test view")
+    for view, picture in enumerate(given):
+        if picture.shape != first:
+            raise InputError(f"picture {view}: has the shape {picture.shape}, the first {first}")
+        if picture.dtype != np.uint8 and not (picture.min() >= 0.0 and picture.max() <= 1.0):
+            ends = f"{picture.min():g} to {picture.max():g}"
+            raise InputError(f"picture {view}: has values from {ends}; give uint8, or floats from 0 to 1")
+    return given
 
 
 def score_pictures(
@@ -114,7 +88,7 @@ def score_pictures(
     `as_they_are`, for pictures that seem to be misread.
     """
     distance = None if lpips is None else lpips_of(lpips)
-    images, views, where = _read(pictures, view_set, resolution)
+    images, digest, views, where = _read(pictures, view_set, resolution)
     if not as_they_are and (mistake := likely_mistake(images, views.test.rgba)):
         raise InputError(f"{where}: the pictures {mistake}; if they are meant as they are, --as-they-are")
     rows = []
@@ -129,7 +103,7 @@ def score_pictures(
         views=rows,
         made={
             "pictures": str(pictures) if isinstance(pictures, Path) else "arrays",
-            "digest": images.digest(),
+            "digest": digest,
             "view_set": str(view_set),
             "width": views.width,
             "as_they_are": as_they_are,
@@ -142,24 +116,26 @@ def score_pictures(
 
 def _read(
     pictures: Path | Sequence[np.ndarray], view_set: Path, resolution: int | None
-) -> tuple[_Pictures | _Drawn | _Arrays, ViewSet, Path]:
-    """Return the pictures, the truth at their size, and the folder that an error names."""
+) -> tuple[ImageStack, str, ViewSet, Path]:
+    """Return the pictures with their digest, the truth at their size, and the folder that an error names."""
     if isinstance(pictures, Path) and pictures.suffix.lower() == ".ply":
         views = _truth(view_set, resolution)
-        return _Drawn(pictures, views), views, pictures
+        return _drawn(pictures, views), file_digest(pictures), views, pictures
     if isinstance(pictures, Path):
         paths = pictures_in(pictures)
         views = _truth(view_set, resolution or display_image(paths[0]).shape[1])
-        images = _Pictures(of_views(paths, views.test.names), views.width, views.height)
-        return images, views, images.files[0].parent
-    arrays = _Arrays(pictures)
-    views = _truth(view_set, arrays.shape[2])
-    if arrays.shape != views.test.rgba.shape[:3]:
+        files = of_views(paths, views.test.names)
+        return _stacked(files, views), _digest(file.read_bytes() for file in files), views, files[0].parent
+    arrays = _checked(pictures)
+    shape = (len(arrays), *arrays[0].shape[:2])
+    views = _truth(view_set, shape[2])
+    if shape != views.test.rgba.shape[:3]:
         raise InputError(
             f"{view_set}: its test views are {views.test.rgba.shape[:3]} (views, height, width), the pictures "
-            f"{arrays.shape}; give one of each view, in their order"
+            f"{shape}; give one of each view, in their order"
         )
-    return arrays, views, view_set
+    images = ImageStack.of(array.astype(np.float32) / (255.0 if array.dtype == np.uint8 else 1.0) for array in arrays)
+    return images, _digest(np.ascontiguousarray(array).tobytes() for array in arrays), views, view_set
 
 
 def _truth(view_set: Path, width: int | None) -> ViewSet:
@@ -169,7 +145,7 @@ def _truth(view_set: Path, width: int | None) -> ViewSet:
     return views
 
 
-def _as_views(pictures: _Pictures | _Drawn | _Arrays, views: ViewSet) -> Iterator[View]:
+def _as_views(pictures: ImageStack, views: ViewSet) -> Iterator[View]:
     nothing = np.zeros((views.height, views.width), dtype=np.float32)
     for index, truth in enumerate(views.test.rgba):
         yield View(as_read(pictures[index], truth)[0], nothing, nothing)

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 from msgspec import structs
 
-from harness.records.json_record import file_digest
 from harness.records.judgements import JudgementRecord, Pair, Place, Ranking, Suspect, changed_pairs
 from harness.records.metric_table import PRIMARY
 from harness.verdicts.estimates.max_t import LEAST_UNITS, letters, step_down_max_t, written
@@ -26,6 +25,7 @@ from harness.verdicts.statistics import (
 from harness.verdicts.tables.files import read_rows
 from harness.verdicts.tables.result_table import MARGINS, ResultTable, scene_means, table_of
 from harness.verdicts.tables.rows import Rows
+from scenes.files.digest import file_digest
 from scenes.files.errors import InputError
 
 

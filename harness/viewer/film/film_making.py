@@ -5,19 +5,16 @@ from collections import Counter, defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from harness.execution.progress import Progress
 from harness.playback.cached import CachedMethod
 from harness.viewer.film.film_folder import SIDE_BY_SIDE
 from harness.viewer.film.film_plan import FilmPlan, Part, render_frame
 from harness.viewer.film.frames import write_levels
 from harness.viewer.film.panels import side_by_side, write_animation
 from harness.viewer.film.video import ffmpeg, write_video
-
-if TYPE_CHECKING:
-    from harness.execution.progress import Progress
 
 
 @dataclass
@@ -41,7 +38,7 @@ class Tally:
         return ", ".join(parts)
 
 
-def make_film(plan: FilmPlan, fps: int, show: "Progress") -> Iterator[str]:
+def make_film(plan: FilmPlan, fps: int, show: Progress) -> Iterator[str]:
     """Film scene by scene; yields a line per animation, and one per method at the end. Raises `OSError`."""
     tallies = {part.method: Tally() for part in plan.parts}
     total, done = sum(len(part.missing) for part in plan.parts), 0

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from scenes.files.errors import InputError, short
+from scenes.files.errors import InputError, short, shown
 from scenes.view_sets.formats.lens import (
     MODELS,
     NAMES,
@@ -27,7 +27,7 @@ from scenes.view_sets.formats.lens import (
     resampling_note,
     seen_size,
 )
-from scenes.view_sets.formats.transforms import Frames, image_file, shown
+from scenes.view_sets.formats.transforms import Frames, image_file
 from scenes.view_sets.images import pictures
 from scenes.view_sets.source import Region, Source
 from scenes.view_sets.viewpoints import rigid

@@ -14,7 +14,7 @@ import numpy as np
 
 from scenes.files.errors import InputError
 from scenes.view_sets.images import display_image, pictures
-from scenes.view_sets.pixels import area_average, area_average_straight
+from scenes.view_sets.pixels import resized
 
 OTHER_FOLDERS = ("gt", "gt-rgb", "gt-color", "depth", "accumulation", "normal", "normals", "alpha", "train", "val")
 """The folders next to the renders, which are not searched."""
@@ -65,6 +65,4 @@ def read_picture(file: Path, width: int) -> np.ndarray:
         raise InputError(f"{file}: has {pixels.shape[2]} channels; save red, green and blue, perhaps with alpha")
     if pixels.shape[1] < width:
         raise InputError(f"{file}: {pixels.shape[1]} pixels wide; choose --resolution {pixels.shape[1]} or less")
-    if pixels.shape[1] == width:
-        return pixels
-    return area_average_straight(pixels, width) if pixels.shape[2] == 4 else area_average(pixels, width).astype("f4")
+    return resized(pixels, width)

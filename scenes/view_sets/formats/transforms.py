@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import numpy as np
 from msgspec import Meta, Struct, ValidationError, convert, structs
 
-from scenes.files.errors import InputError
+from scenes.files.errors import InputError, shown
 from scenes.files.json_object import each_key_once
 from scenes.view_sets.formats.lens import MODELS, Lens, common_pinhole, read_through, resampling_note, seen_size
 from scenes.view_sets.images import header
@@ -348,9 +348,3 @@ def _redundant(camera: Camera, focal: tuple[float, float], size: tuple[int, int]
         given = "fl_x and w say" if axis == 0 else "of square pixels it is"
         raise InputError(f"{where}: {name} is {angle:.6g}, and {given} {expected:.6g}; correct one of them")
     return notes
-
-
-def shown(value: object) -> str:
-    """Return a value for a message, cut if it is long."""
-    text = repr(value)
-    return text if len(text) <= 80 else text[:77] + "…"

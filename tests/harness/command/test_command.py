@@ -8,7 +8,7 @@ import pytest
 
 from harness.command.main import main, parsed
 from harness.command.plan_options import planned
-from harness.execution.progress import Quiet
+from harness.execution.progress import Progress
 from harness.execution.run import run
 from harness.plan.run_plan import Machine
 from harness.records.cells import cell_path, read_cell, read_cells, read_comparisons
@@ -140,7 +140,7 @@ def test_a_diverged_cell_is_exit_code_3_and_stays_visible(
     plan = planned("smoke", view_set=[ball_folder], methods=["nerf", "qnerf"], seeds=2, budget_steps=20, resolution=24)
     plan = replace(plan, train=replace(plan.train, learning_rate=1e30, last_learning_rate=1e30, warm_up_steps=0))
     claim(tmp_path / "run", plan, Machine("cpu", 1, 1), resume=False)
-    assert run(plan, tmp_path / "run", tmp_path, Machine("cpu", 1, 1), "none", Quiet()) == 3
+    assert run(plan, tmp_path / "run", tmp_path, Machine("cpu", 1, 1), "none", Progress()) == 3
     cells = list(read_cells(tmp_path / "run"))
     assert [(cell.method, cell.seed) for cell in cells] == CELLS
     diverged = [cell for cell in cells if cell.status == "diverged"]

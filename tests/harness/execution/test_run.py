@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from harness.command.plan_options import planned
-from harness.execution.progress import Quiet
+from harness.execution.progress import Progress
 from harness.execution.run import run
 from harness.plan.run_plan import Machine
 from harness.plan.schedule import Budget
@@ -67,7 +67,7 @@ def test_a_guest_is_trained_for_the_core_seconds_of_nerf_after_the_others_and_on
     monkeypatch.setattr("harness.execution.run.run_locally", in_this_process)
     plan, machine = planned("smoke", view_set=[ball_folder], methods=["nerf"], seeds=2), Machine("cpu", 1, 1)
     plan = replace(plan, budget=Budget(20, None), train=TRAIN, score=SCORE, views=VIEWS, guest="nerf_matched")
-    assert run(plan, tmp_path, tmp_path / "sets", machine, "command", Quiet()) == 0
+    assert run(plan, tmp_path, tmp_path / "sets", machine, "command", Progress()) == 0
     ours, theirs = (read_cell(cell_path(tmp_path, "ball", name, 0)) for name in ("nerf", "nerf_matched"))
     assert theirs.status == "done"
     assert theirs.settings["budget"]["core_seconds"] == ours.train_core_seconds
@@ -77,10 +77,10 @@ def test_a_guest_is_trained_for_the_core_seconds_of_nerf_after_the_others_and_on
     assert read_comparisons(tmp_path) == []
     guest = cell_path(tmp_path, "ball", "nerf_matched", 0)
     before = guest.read_bytes()
-    assert run(plan, tmp_path, tmp_path / "sets", machine, "command", Quiet()) == 0
+    assert run(plan, tmp_path, tmp_path / "sets", machine, "command", Progress()) == 0
     assert guest.read_bytes() == before
     write_cell(tmp_path, empty_cell("ball", "nerf_matched", 0, "error", "no memory"))
-    assert run(plan, tmp_path, tmp_path / "sets", machine, "command", Quiet()) == 0
+    assert run(plan, tmp_path, tmp_path / "sets", machine, "command", Progress()) == 0
     assert read_cell(guest).status == "done", "what failed is tried again"
     guest.write_text("{", encoding="utf-8")
     repair(tmp_path, plan, lambda line: None)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from harness.command.main import main
-from harness.execution.progress import Quiet
+from harness.execution.progress import Progress
 from harness.gate import early, fairness, gate_families, gate_speed, images
 from harness.gate.gate_context import REFERENCED, GateContext, complete
 from harness.gate.gates import KINDS, Gate, Kind, Scatter, gates, settings_of
@@ -106,7 +106,9 @@ def measuring(monkeypatch: pytest.MonkeyPatch) -> dict[str, tuple[list[float | N
 def context_of(chosen: tuple[Gate, ...], limits: Path) -> GateContext:
     stored, here = read_stored(limits, LimitsFile), limits.parent
     machine = Machine("cpu", 1, 1)
-    return GateContext(here, here, here, False, Quiet(), machine, chosen, stored, references(), limits, lambda: COURSES)
+    return GateContext(
+        here, here, here, False, Progress(), machine, chosen, stored, references(), limits, lambda: COURSES
+    )
 
 
 def gate_line(limits: Path, out: Path, *others: str) -> int:

@@ -6,6 +6,7 @@ import pytest
 import torch
 from torch.utils.flop_counter import FlopCounterMode
 
+from baselines import field
 from baselines.catalog import CATALOG
 from baselines.contract import FieldSpec, NetworkSize
 from baselines.field import NetworkField
@@ -41,10 +42,10 @@ def test_counted_from_shapes_is_what_torch_does(method: str, size: NetworkSize) 
 @pytest.mark.parametrize(("method", "features", "encoder"), [("planes", 24, 24 * 26), ("hash_grid", 24, 24 * 16)])
 def test_learnt_features_by_hand(method: str, features: int, encoder: int) -> None:
     """A weight and a sum for each of 12 corners, and two products; or of 8 corners."""
-    listed = CATALOG[method]
     network = 2 * (features * 64 + 64 + (64 + 27) * 64 + 64 * 3)
-    field = listed.make_field(FieldSpec(SMALL, BOX, "float32", 0, True, listed.settings))
-    assert flops_per_evaluation(field) == encoder + network
+    listed = CATALOG[method]
+    made = field.field_of(listed, FieldSpec(SMALL, BOX, "float32", 0, True, listed.settings))
+    assert flops_per_evaluation(made) == encoder + network
 
 
 def test_a_step_in_forward_passes_is_at_most_a_tenth_above_what_is_needed() -> None:

@@ -12,7 +12,7 @@ import pytest
 
 from harness.command.plan_options import planned
 from harness.execution import run
-from harness.execution.progress import Quiet
+from harness.execution.progress import Progress
 from harness.plan.group_task import GroupTask
 from harness.plan.planned_record import planned_record
 from harness.plan.run_plan import Machine
@@ -229,5 +229,5 @@ def test_its_folder_goes_with_the_last_of_them(tmp_path: Path, monkeypatch: pyte
     plan = planned("smoke", scenes=["lego"], methods=["nerf"], seeds=1)
     machine, record = Machine("cpu", 1, 1), planned_record(plan, "run")
     record.provenance["commit"] = "unknown"
-    run._train(plan.tasks({"lego": tmp_path}, machine, tmp_path), plan.cells(), record, machine, Quiet())
+    run._train(plan.tasks({"lego": tmp_path}, machine, tmp_path), plan.cells(), record, machine, Progress())
     assert path.parent.exists() == kept

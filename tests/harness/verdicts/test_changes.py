@@ -40,7 +40,6 @@ def test_a_change_is_judged_by_the_pairs_of_scene_and_seed() -> None:
     draw = np.random.default_rng(0).normal
     before, after = draw(0.3, 0.2, (8, 3)), draw(-0.1, 0.2, (8, 3))
     found = change("qnerf", "nerf", Condition(cells_of(before)), Condition(cells_of(after)))
-    assert found.seeds_paired
     moved = (after - before).mean(axis=1)
     assert (found.before, found.after) == (pytest.approx(before.mean()), pytest.approx(after.mean()))
     assert list(found.by_scene.values()) == pytest.approx(moved.tolist())
@@ -65,7 +64,6 @@ def test_other_seeds_are_not_paired_and_have_errors_of_both_sides() -> None:
     before, after = draw(0.0, 0.2, (4, 3)), draw(1.0, 0.5, (4, 5))
     sides = Condition(cells_of(before)), Condition(cells_of(after, seeds=(7, 8, 9, 10, 11)))
     found = change("qnerf", "nerf", *sides)
-    assert not found.seeds_paired
     here = found.judgement.on_these_scenes
     error = math.sqrt(before.var(axis=1, ddof=1).sum() / 3 + after.var(axis=1, ddof=1).sum() / 5) / 4
     assert 1.96 < (here.interval[1] - here.interval[0]) / 2 / error < 3.0

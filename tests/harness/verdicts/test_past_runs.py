@@ -6,7 +6,7 @@ import pytest
 
 from harness.command.gate_command import remember
 from harness.command.main import main
-from harness.execution.progress import Quiet
+from harness.execution.progress import Progress
 from harness.records.study import Series, read_studies
 from harness.verdicts.history.figures_over_runs import figures_over_runs
 from harness.verdicts.history.past_runs import append, read_history
@@ -39,7 +39,7 @@ def test_a_file_without_a_run_is_refused(tmp_path: Path, content: bytes) -> None
 def test_figures_of_a_record_are_kept_beside_it_and_shown(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     record = write_fake_studies(tmp_path / "speed", "speed") / "speed.json"
     for _ in range(2):
-        remember(None, record, "avx2", Quiet())
+        remember(None, record, "avx2", Progress())
     runs, _ = read_history(tmp_path / "history.jsonl")
     checks = [check for _, check in fake_studies("speed").checks()]
     figures = {check.id: check.value for check in checks if check.id and check.value is not None}

@@ -7,10 +7,10 @@ import pytest
 from scipy.stats import nct, ttest_ind
 from scipy.stats import t as student
 
-from harness.records.verdict import OPEN
+from harness.records.verdict import OPEN, verdict_of
 from harness.verdicts import statistics
 from harness.verdicts.estimates import nested
-from harness.verdicts.statistics import PairedDifference, on_these_scenes, paired_difference, scenes_like_these, verdict
+from harness.verdicts.statistics import PairedDifference, on_these_scenes, paired_difference, scenes_like_these
 
 Table = dict[str, np.ndarray]
 
@@ -56,7 +56,7 @@ def test_the_interval_is_students() -> None:
 def test_one_unit_has_no_interval_and_no_verdict() -> None:
     result = paired_difference(np.array([5.0]))
     assert result == PairedDifference(5.0, None, None, 1)
-    assert verdict(result, 0.2) == OPEN
+    assert verdict_of(result.simultaneous, 0.2) == OPEN
 
 
 @pytest.mark.parametrize("values", [[], [1.0, math.nan], [math.inf], [1.0, -math.inf]])

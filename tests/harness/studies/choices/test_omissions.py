@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from harness.command.plan_options import planned
-from harness.execution.progress import Quiet
+from harness.execution.progress import Progress
 from harness.plan.needed import LEFT_OUT_BY, for_scene, kept, needs_here
 from harness.plan.run_plan import Machine, Plan
 from harness.plan.schedule import Budget
@@ -252,4 +252,4 @@ def test_forcing_does_not_change_what_is_read(tmp_path: Path) -> None:
 def test_without_a_trained_method_of_the_plan_nothing_is_tried(tmp_path: Path) -> None:
     explaining = empty_cell("ball", "qnerf_printed", 0, "done", "")
     cells = [empty_cell("ball", "nerf", 0, "diverged", "loss"), explaining]
-    assert omissions.verify_run(ball_plan(), Machine("cpu", 1, 1), tmp_path, Quiet(), cells, [], {}) == []
+    assert omissions.verify_run(ball_plan(), Machine("cpu", 1, 1), tmp_path, Progress(), cells, [], {}) == []

@@ -7,7 +7,7 @@ import pytest
 
 from baselines.methods.nerf import NERF
 from harness.command.plan_options import planned
-from harness.execution.progress import Quiet
+from harness.execution.progress import Progress
 from harness.plan.profiles import PROFILES, TUNED
 from harness.plan.run_plan import Machine
 from harness.plan.schedule import Budget
@@ -93,7 +93,7 @@ def test_every_trial_is_another_training(tmp_path: Path) -> None:
 def test_it_trains_as_the_frontier_does(tmp_path: Path) -> None:
     """A search under other settings would say nothing about it."""
     paths, machine = (tmp_path, tmp_path, tmp_path), Machine("cpu", 1, 1)
-    theirs = FrontierContext(*paths, False, Quiet(), machine, True, Amount()).plan(f"core_seconds_{BUDGET:g}")
+    theirs = FrontierContext(*paths, False, Progress(), machine, True, Amount()).plan(f"core_seconds_{BUDGET:g}")
     ours = search_plan(True)
     assert (ours.train, ours.budget, ours.views) == (theirs.train, theirs.budget, theirs.views)
 

@@ -14,7 +14,7 @@ from baselines.contract import FieldSpec
 from baselines.field import NetworkField
 from baselines.methods.nerf import NERF
 from harness.command.study_commands import run_conformance
-from harness.execution.progress import Quiet
+from harness.execution.progress import Progress
 from harness.studies.conformance.derivatives import BARS, DOUBLE, SINGLE, Ladder, difference
 from harness.studies.conformance.method_checks import CHECKS, conformance
 from harness.studies.conformance.subject import Subject
@@ -186,7 +186,7 @@ def test_the_command_reports_a_broken_check_and_ends_with_3(monkeypatch: pytest.
     only("protocols", monkeypatch)
     monkeypatch.setattr("harness.plan.plugins.offered", dict)
     lines: list[str] = []
-    show = Quiet()
+    show = Progress()
     monkeypatch.setattr(show, "line", lines.append)
     options = argparse.Namespace(methods=["tried"], list=False)
     assert run_conformance(options, show) == 3

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.execution.progress import Quiet
+from harness.execution.progress import Progress
 from harness.plan.run_plan import Machine
 from harness.records.cells import CellRecord, SceneRecord
 from harness.records.study import Effect, Series, Table
@@ -77,7 +77,7 @@ class Planted(EvidenceContext):
 
 
 def context_of(folder: Path, cells: dict[str, list[CellRecord]], pixels: dict[str, int] | None = None) -> Planted:
-    return Planted(folder, folder, folder, False, Quiet(), Machine("cpu", 1, 1), True, cells, pixels or {})
+    return Planted(folder, folder, folder, False, Progress(), Machine("cpu", 1, 1), True, cells, pixels or {})
 
 
 def sentences(findings: Iterable[Any]) -> list[str]:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from harness.execution.progress import Quiet
+from harness.execution.progress import Progress
 from harness.plan.run_plan import Machine
 from harness.records.cells import CellRecord, LeftOut
 from harness.records.study import Check, Effect
@@ -60,7 +60,9 @@ def context_of(losses: dict[str, float], without: tuple[str, ...] = (), **others
             for method, loss in methods.items()
             for seed in range(3)
         ]
-    return Needless(here, here, here, False, Quiet(), Machine("cpu", 1, 1), True, {**cells, **others}, without=without)
+    return Needless(
+        here, here, here, False, Progress(), Machine("cpu", 1, 1), True, {**cells, **others}, without=without
+    )
 
 
 def checks(here: Needless) -> list[Check]:

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from harness.execution import run as execution_run
-from harness.execution.progress import Quiet
+from harness.execution.progress import Progress
 from harness.machine import provenance
 from harness.plan.run_plan import Machine, Plan
 from harness.records.cells import (
@@ -47,7 +47,7 @@ def a_run(plan: Plan, finished: bool = True) -> RunRecord:
 @pytest.fixture
 def context(tmp_path: Path) -> EvidenceContext:
     """A context whose training is complete, at commit `HERE`."""
-    here = EvidenceContext(tmp_path, tmp_path, tmp_path, True, Quiet(), Machine("cpu", 1, 1), True)
+    here = EvidenceContext(tmp_path, tmp_path, tmp_path, True, Progress(), Machine("cpu", 1, 1), True)
     plan = here.plan(TRAINING)
     write_run(folder_of(tmp_path, TRAINING), a_run(plan))
     for key in plan.cells():
@@ -122,7 +122,7 @@ def resumed(context: EvidenceContext, monkeypatch: pytest.MonkeyPatch) -> Resume
     def go_on(asked: list[str] = NAMES, stopped: bool = False) -> tuple[list[str], str]:
         done: list[str] = []
         lines: list[str] = []
-        show = Quiet()
+        show = Progress()
         monkeypatch.setattr(show, "line", lines.append)
 
         def measure_of(shelf: Shelf, name: str) -> Callable[[EvidenceContext], Iterator[Found]]:

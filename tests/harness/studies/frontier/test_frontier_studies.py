@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from harness.execution.progress import Quiet
+from harness.execution.progress import Progress
 from harness.plan.run_plan import Machine
 from harness.records.cells import CellRecord
 from harness.records.study import Effect, Series, StudyRecord
@@ -42,7 +42,7 @@ class Planted(FrontierContext):
 
 def planted(cells: dict[str, list[CellRecord]], methods: tuple[str, ...] = ("nerf", "planes")) -> Planted:
     amount = Amount(SCENES, methods, tuple(SCORES), phi_seeds=(0, 1))
-    return Planted(Path(), Path(), Path(), False, Quiet(), Machine("cpu", 1, 1), False, amount, cells)
+    return Planted(Path(), Path(), Path(), False, Progress(), Machine("cpu", 1, 1), False, amount, cells)
 
 
 def scored(scene: str, method: str, psnr: float, seconds: float, seed: int = 0) -> CellRecord:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from harness.execution.progress import Quiet
+from harness.execution.progress import Progress
 from harness.plan.run_plan import Machine
 from harness.playback.run_loader import FinishedRun, TrainedCell
 from harness.studies.serving.serving_context import ServingContext
@@ -33,7 +33,7 @@ def context(trained: Path, tmp_path: Path) -> ServingContext:
 def context_of(out: Path, view_sets: Path) -> ServingContext:
     finished, machine = FinishedRun.of(out), Machine("cpu", 1, 1)
     scenes = finished.scenes(["ball"])
-    return ServingContext(out, view_sets, out, True, Quiet(), machine, finished, scenes, ["nerf", "qnerf"], 0, SIZE)
+    return ServingContext(out, view_sets, out, True, Progress(), machine, finished, scenes, ["nerf", "qnerf"], 0, SIZE)
 
 
 @pytest.fixture

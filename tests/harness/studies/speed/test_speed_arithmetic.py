@@ -12,7 +12,7 @@ from torch.utils.flop_counter import FlopCounterMode
 from baselines.contract import Box, NetworkSize, Rays
 from baselines.numerics.quadrature import midpoint
 from baselines.plain import PlainField, plain_loss
-from harness.execution.progress import Quiet
+from harness.execution.progress import Progress
 from harness.machine.peak_memory import peak_bytes
 from harness.machine.stopwatch import Stopwatch
 from harness.plan.run_plan import Machine
@@ -62,7 +62,7 @@ def test_of_an_emulated_type_only_the_smallest_multiplication_is_timed(
     seconds: float, chunks: list[int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(throughput, "interleaved", lambda sides, *_: {name: [seconds] for name in sides})
-    context = SpeedContext(tmp_path, tmp_path, tmp_path, True, Quiet(), Machine("cpu", 1, 1), 1.0)
+    context = SpeedContext(tmp_path, tmp_path, tmp_path, True, Progress(), Machine("cpu", 1, 1), 1.0)
     assert list(throughput._matmul_rates(context, 8, torch.float32)) == chunks
 
 
@@ -171,7 +171,7 @@ def test_targets_are_the_best_so_far_and_when_it_was_first_reached() -> None:
 
 
 def ratio(*curves: PsnrCurve, share: float = 1.0) -> Check:
-    here = SpeedContext(Path(), Path(), Path(), True, Quiet(), Machine("cpu", 1, 1), 10.0)
+    here = SpeedContext(Path(), Path(), Path(), True, Progress(), Machine("cpu", 1, 1), 10.0)
     return time_to_target.ratio_to(here, "same", Target(share, 20.0, 60.0), list(curves), None)
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from harness.command.main import main
-from harness.execution.progress import Quiet
+from harness.execution.progress import Progress
 from harness.machine.peak_memory import STATUS
 from harness.plan.group_task import GroupTask
 from harness.plan.run_plan import Machine
@@ -99,7 +99,7 @@ def test_without_ray_a_cluster_is_not_measured_and_says_why(tmp_path: Path, monk
 @pytest.mark.slow
 @pytest.mark.skipif(not STATUS.exists(), reason="no /proc to read the most memory held from")
 def test_reading_and_training_take_the_same_memory_for_a_hundred_megabytes_of_images(tmp_path: Path) -> None:
-    context = SpeedContext(tmp_path, tmp_path, tmp_path, True, Quiet(), Machine("cpu", 1, 1), 1.0)
+    context = SpeedContext(tmp_path, tmp_path, tmp_path, True, Progress(), Machine("cpu", 1, 1), 1.0)
     task = GroupTask("noise", 0, ("nerf",), TRAIN, replace(SCORE, checkpoints=1), Budget(20, None), tmp_path)
     peaks = []
     for count, size in ((4, 32), (40, 400)):

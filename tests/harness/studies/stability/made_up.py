@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.execution.progress import Quiet
+from harness.execution.progress import Progress
 from harness.plan.run_plan import Machine
 from harness.records.cells import CellRecord, RunRecord, records_folder
 from harness.records.pictures import Render, cell_pictures, half, write_renders
@@ -16,7 +16,7 @@ from harness.studies.stability.whole_scenes.scene_truth import SceneRun
 
 
 def context_in(folder: Path, *methods: str, quick: bool = True) -> StabilityContext:
-    return StabilityContext(folder, folder / "view_sets", folder, quick, Quiet(), Machine("cpu", 1, 1), methods)
+    return StabilityContext(folder, folder / "view_sets", folder, quick, Progress(), Machine("cpu", 1, 1), methods)
 
 
 def findings(case: str, context: StabilityContext) -> list[Found]:
