@@ -75,6 +75,13 @@ SCALING: Options = {
 }
 
 
+def _listed(shelf: "Shelf") -> int:
+    from harness.studies.framework import list_lines
+
+    sys.stdout.write("\n".join(list_lines(shelf)) + "\n")
+    return 0
+
+
 def _measure(
     options: argparse.Namespace,
     show: Progress,
@@ -89,11 +96,10 @@ def _measure(
     """
     from harness.run_folder.folder_lock import locked_folder
     from harness.run_folder.output_folder import fresh_folder
-    from harness.studies.framework import list_lines, run
+    from harness.studies.framework import run
 
     if options.list:
-        sys.stdout.write("\n".join(list_lines(shelf)) + "\n")
-        return 0
+        return _listed(shelf)
     if options.resume and options.out is None:
         raise InputError("--resume: name the folder to resume, --out DIR")
     chosen = known_names("--studies", options.studies or list(shelf.studies), list(shelf.studies))
@@ -140,6 +146,8 @@ def run_frontier(options: argparse.Namespace, show: Progress) -> int:
         record = read_studies((options.out or PUBLISHED_FRONTIER) / SHELF.file)
         print(pick(record.study("needs"), options.pick, options.seconds))
         return 0
+    if options.list:
+        return _listed(SHELF)
     from baselines.catalog import CATALOG
     from harness.machine.device import available_cores, chosen_device, multiplies_bfloat16
     from harness.plan.run_plan import Machine
