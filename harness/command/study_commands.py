@@ -94,12 +94,12 @@ def _measure(
     `context_in` makes the context for the folder; `afterwards` is called before the folder is unlocked. Raises
     `InputError`.
     """
+    if options.list:
+        return _listed(shelf)
     from harness.run_folder.folder_lock import locked_folder
     from harness.run_folder.output_folder import fresh_folder
     from harness.studies.framework import run
 
-    if options.list:
-        return _listed(shelf)
     if options.resume and options.out is None:
         raise InputError("--resume: name the folder to resume, --out DIR")
     chosen = known_names("--studies", options.studies or list(shelf.studies), list(shelf.studies))
