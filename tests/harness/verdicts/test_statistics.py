@@ -59,6 +59,16 @@ def test_one_unit_has_no_interval_and_no_verdict() -> None:
     assert verdict_of(result.simultaneous, 0.2) == OPEN
 
 
+@pytest.mark.parametrize("freedom", [1.0, 1e4, 1e6])
+@pytest.mark.parametrize("family", [28, 20_000])
+def test_the_power_is_a_number_for_any_shift_and_family(freedom: float, family: int) -> None:
+    """Where libraries' noncentral t is NaN."""
+    threshold = statistics.critical(freedom, family)
+    assert statistics.share_found(1e6 * threshold, threshold, freedom) == pytest.approx(1.0)
+    found = statistics.shift_found(threshold, freedom)
+    assert statistics.share_found(found, threshold, freedom) == pytest.approx(statistics.POWER, abs=1e-4)
+
+
 @pytest.mark.parametrize("values", [[], [1.0, math.nan], [math.inf], [1.0, -math.inf]])
 def test_differences_that_are_not_numbers_are_refused(values: list[float]) -> None:
     with pytest.raises(ValueError, match="finite and not empty"):
