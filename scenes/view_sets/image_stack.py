@@ -12,6 +12,7 @@ import shutil
 import tempfile
 import weakref
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import IO, SupportsIndex
 
@@ -33,9 +34,10 @@ class ImageStack:
     @staticmethod
     def of(images: Iterable[np.ndarray], folder: Path | None = None) -> "ImageStack":
         """Return a stack of at least one image; errors as in `append`."""
-        first, *others = images
+        left = iter(images)
+        first = next(left)
         stack = ImageStack(first.shape, folder)
-        for image in (first, *others):
+        for image in chain((first,), left):
             stack.append(image)
         return stack
 

@@ -18,6 +18,7 @@ from scenes.files.errors import InputError
 from scenes.view_sets.formats.rendered_pictures import of_views, pictures_in, read_picture
 from scenes.view_sets.image_stack import ImageStack
 from scenes.view_sets.images import display_image
+from scenes.view_sets.pixels import over_white
 from scenes.view_sets.view_set import ViewSet, read_view_set
 
 SCORED = tuple(name for name, metric in METRICS.items() if metric.compares in ("colour", "features"))
@@ -31,15 +32,17 @@ def _picture(file: Path, views: ViewSet) -> np.ndarray:
     return pixels
 
 
-def _stacked(files: Sequence[Path], views: ViewSet) -> ImageStack:
-    first = _picture(files[0], views)
-    images = ImageStack.of([first])
-    for file in files[1:]:
-        if (picture := _picture(file, views)).shape != first.shape:
-            channels = f"{picture.shape[2]} channels, the first picture {first.shape[2]}"
-            raise InputError(f"{file}: has {channels}; save all alike")
-        images.append(picture)
-    return images
+def _alike(pictures: Iterable[np.ndarray]) -> Iterator[np.ndarray]:
+    """Yield each with or without alpha as the first one is: programs that write PNG leave out an opaque alpha."""
+    channels = None
+    for picture in pictures:
+        channels = channels or picture.shape[2]
+        if picture.shape[2] > channels:
+            yield over_white(picture)
+        elif picture.shape[2] < channels:
+            yield np.dstack((picture, np.ones_like(picture[..., :1])))
+        else:
+            yield picture
 
 
 def _drawn(file: Path, views: ViewSet) -> ImageStack:
@@ -125,7 +128,8 @@ def _read(
         paths = pictures_in(pictures)
         views = _truth(view_set, resolution or display_image(paths[0]).shape[1])
         files = of_views(paths, views.test.names)
-        return _stacked(files, views), _digest(file.read_bytes() for file in files), views, files[0].parent
+        images = ImageStack.of(_alike(_picture(file, views) for file in files))
+        return images, _digest(file.read_bytes() for file in files), views, files[0].parent
     arrays = _checked(pictures)
     shape = (len(arrays), *arrays[0].shape[:2])
     views = _truth(view_set, shape[2])

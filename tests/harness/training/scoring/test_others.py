@@ -82,6 +82,17 @@ def test_a_straight_alpha_is_put_over_white_and_large_pictures_are_averaged(
     assert row.psnr > 50.0  # alpha and colour are rounded to 8 bits, and over white once more
 
 
+@pytest.mark.parametrize("opaque_first", [False, True])
+def test_a_picture_without_alpha_among_those_with_it_is_over_white_already(
+    tmp_path: Path, ball: Path, truths: list[np.ndarray], opaque_first: bool
+) -> None:
+    pictures = [np.dstack((0.9 * truth[..., :3], truth[..., 3:])) for truth in truths]
+    mixed = [over_white(one) if (number % 2 == 0) == opaque_first else one for number, one in enumerate(pictures)]
+    expected = score_pictures(write(tmp_path / "all", pictures), ball, "theirs", as_they_are=True)
+    row = score_pictures(write(tmp_path / "mixed", mixed), ball, "theirs")
+    assert row.psnr == pytest.approx(expected.psnr, abs=0.05)  # other colours are rounded to 8 bits
+
+
 MISTAKES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "rendered over black": lambda truth: truth[..., :3] * truth[..., 3:],
     "premultiplied": lambda truth: np.concatenate([truth[..., :3] * truth[..., 3:], truth[..., 3:]], axis=-1),
