@@ -197,16 +197,16 @@ def run_render(options: argparse.Namespace, show: Progress) -> int:
     disk = None if options.no_cache or (options.dry_run and not cache.is_dir()) else cache
     folder = options.to or options.run / "films" / film.name
     try:
-        plan = plan_film(run, options.scenes, options.methods, film, folder, options.view_sets, disk, device)
-        for line in plan.lines():
-            (print if options.dry_run else show.line)(line)
-        if options.dry_run:
-            return 0
-        kept = f"finished frames are kept in {folder}; the same command resumes"
-        with told_when_stopped(lambda: kept), locked_folder(folder, "--to"):
-            claim(folder, film, run.out, show.line)
-            for line in make_film(plan, options.fps, show):
-                show.line(line)
+        with told_when_stopped(lambda: f"finished frames are kept in {folder}; the same command resumes"):
+            plan = plan_film(run, options.scenes, options.methods, film, folder, options.view_sets, disk, device)
+            for line in plan.lines():
+                (print if options.dry_run else show.line)(line)
+            if options.dry_run:
+                return 0
+            with locked_folder(folder, "--to"):
+                claim(folder, film, run.out, show.line)
+                for line in make_film(plan, options.fps, show):
+                    show.line(line)
     except OSError as error:
         if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EIO):
             raise

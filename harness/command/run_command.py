@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
 from harness.command.machine_options import MACHINE_OPTIONS, chosen_machine, unused_by
 from harness.command.options import Command, Options, flag, option
@@ -82,13 +82,13 @@ def run_run(options: argparse.Namespace, show: Progress) -> int:
     try:
         with claimed(out, plan, machine, options.resume, show.line):
             point_latest_to(out)
-            also_write(options, out, show)
+            shown = also_written(options, out, show)
             verify = None
             if options.verify_omissions:
                 from harness.studies.choices.omissions import verify_run
 
-                verify = partial(verify_run, plan, machine, out, show)
-            code = run(plan, out, options.view_sets, machine, options.line, show, verify)
+                verify = partial(verify_run, plan, machine, out, shown)
+            code = run(plan, out, options.view_sets, machine, options.line, shown, verify)
     except InputError:
         if before is not None and latest_folder() is None:  # the claimed folder was removed
             point_latest_to(before)
@@ -165,23 +165,33 @@ def run_tensorboard(options: argparse.Namespace, show: Progress) -> int:
     return 0
 
 
-def also_write(options: argparse.Namespace, out: Path, show: Progress) -> None:
-    """With `--tensorboard`, make `show.cell` write each cell too, after writing those from before a resume."""
+def also_written(options: argparse.Namespace, out: Path, show: Progress) -> Progress:
+    """Return a progress that with `--tensorboard` also writes each cell, after writing those from before a resume."""
     if not options.tensorboard:
-        return
+        return show
     from harness.records.cells import read_cells
     from harness.run_folder.board import board_folder, write_board
 
     for cell in read_cells(out):
         if not board_folder(out, cell).is_dir():
             write_board(out, cell)
-    said = show.cell
+    return cast("Progress", _Written(out, show))
 
-    def written(cell: "CellRecord") -> None:
-        write_board(out, cell)
-        said(cell)
 
-    show.cell = written  # type: ignore[method-assign]
+class _Written:
+    """A progress that writes each cell and passes every call on to another progress."""
+
+    def __init__(self, out: Path, show: Progress) -> None:
+        self._out, self._show = out, show
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._show, name)
+
+    def cell(self, cell: "CellRecord") -> None:
+        from harness.run_folder.board import write_board
+
+        write_board(self._out, cell)
+        self._show.cell(cell)
 
 
 COMMANDS = {

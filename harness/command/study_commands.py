@@ -89,13 +89,9 @@ def _measure(
     context_in: "Callable[[Path], StudyContext]",
     afterwards: Callable[[Path], None] | None = None,
 ) -> int:
-    """Measure the studies that `options` name, in a locked folder, or list all; return the exit code.
-
-    `context_in` makes the context for the folder; `afterwards` is called before the folder is unlocked. Raises
-    `InputError`.
+    """Measure the studies that `options` name, in a locked folder; return the exit code. Raises `InputError`.
+    `context_in` makes the context for the folder; `afterwards` is called before the folder is unlocked.
     """
-    if options.list:
-        return _listed(shelf)
     from harness.run_folder.folder_lock import locked_folder
     from harness.run_folder.output_folder import fresh_folder
     from harness.studies.framework import run
@@ -116,15 +112,17 @@ def run_evidence(options: argparse.Namespace, show: Progress) -> int:
     from harness.studies.evidence.evidence_studies import SHELF
 
     require_between(options, workers=(1, 256))
+    if options.list:
+        return _listed(SHELF)
+    from harness.machine.device import available_cores, chosen_device, multiplies_bfloat16
+    from harness.plan.run_plan import Machine
+    from harness.studies.evidence.evidence_context import EvidenceContext
 
-    def context(out: Path) -> "StudyContext":
-        from harness.machine.device import available_cores, chosen_device, multiplies_bfloat16
-        from harness.plan.run_plan import Machine
-        from harness.studies.evidence.evidence_context import EvidenceContext
+    device = chosen_device(options.device)
+    machine = Machine(device.type, options.workers or (available_cores() if device.type == "cpu" else 1), 1)
+    as_planned = multiplies_bfloat16(device)
 
-        device = chosen_device(options.device)
-        machine = Machine(device.type, options.workers or (available_cores() if device.type == "cpu" else 1), 1)
-        as_planned = multiplies_bfloat16(device)
+    def context(out: Path) -> EvidenceContext:
         return EvidenceContext(out, options.view_sets, out, options.quick, show, machine, as_planned)
 
     return _measure(options, show, SHELF, context)
@@ -176,18 +174,17 @@ def run_frontier(options: argparse.Namespace, show: Progress) -> int:
 def run_stability(options: argparse.Namespace, show: Progress) -> int:
     from harness.studies.stability.cases import SHELF
 
-    if options.methods:
-        from baselines.catalog import CATALOG
+    if options.list:
+        return _listed(SHELF)
+    from baselines.catalog import CATALOG
+    from harness.machine.device import available_cores
+    from harness.plan.run_plan import Machine
+    from harness.studies.stability.stability_context import METHODS, StabilityContext
 
-        known_names("--methods", options.methods, list(CATALOG))
+    methods = known_names("--methods", options.methods or list(METHODS), list(CATALOG))
+    machine = Machine("cpu", available_cores(), available_cores())
 
-    def context(out: Path) -> "StudyContext":
-        from harness.machine.device import available_cores
-        from harness.plan.run_plan import Machine
-        from harness.studies.stability.stability_context import METHODS, StabilityContext
-
-        methods = tuple(options.methods or METHODS)
-        machine = Machine("cpu", available_cores(), available_cores())
+    def context(out: Path) -> StabilityContext:
         return StabilityContext(out, options.view_sets, out, options.quick, show, machine, methods)
 
     return _measure(options, show, SHELF, context)
@@ -197,20 +194,21 @@ def run_speed(options: argparse.Namespace, show: Progress) -> int:
     from harness.studies.speed.questions import SHELF
 
     require_between(options, plain_seconds=(1, 86400))
+    if options.list:
+        return _listed(SHELF)
+    from harness.machine.device import available_cores, chosen_device
+    from harness.machine.processor_class import class_here
+    from harness.plan.run_plan import Machine
+    from harness.studies.speed.speed_context import SpeedContext
 
-    def context(out: Path) -> "StudyContext":
-        from harness.machine.device import available_cores, chosen_device
-        from harness.plan.run_plan import Machine
-        from harness.studies.speed.speed_context import SpeedContext
+    seconds = options.plain_seconds or (QUICK_PLAIN_SECONDS if options.quick else PLAIN_SECONDS)
+    # the sizes of `quick` gain nothing from threads, which wait for each other on a busy machine
+    machine = Machine(chosen_device(options.device).type, 1, 1 if options.quick else available_cores())
 
-        seconds = options.plain_seconds or (QUICK_PLAIN_SECONDS if options.quick else PLAIN_SECONDS)
-        # the sizes of `quick` gain nothing from threads, which wait for each other on a busy machine
-        machine = Machine(chosen_device(options.device).type, 1, 1 if options.quick else available_cores())
+    def context(out: Path) -> SpeedContext:
         return SpeedContext(out, options.view_sets, out, options.quick, show, machine, seconds)
 
     def append_to_history(out: Path) -> None:
-        from harness.machine.processor_class import class_here
-
         if not options.quick:
             remember(options.history, out / SHELF.file, class_here(), show)
 
@@ -221,19 +219,21 @@ def run_serving(options: argparse.Namespace, show: Progress) -> int:
     from harness.studies.serving.serving_studies import SHELF
 
     require_between(options, width=(8, 4096), threads=(1, 256))
+    if options.list:
+        return _listed(SHELF)
+    from harness.machine.device import chosen_device
+    from harness.plan.run_plan import Machine
+    from harness.playback.run_loader import FinishedRun
+    from harness.studies.serving.serving_context import ServingContext
 
-    def context(out: Path) -> "StudyContext":
-        from harness.machine.device import chosen_device
-        from harness.plan.run_plan import Machine
-        from harness.playback.run_loader import FinishedRun
-        from harness.studies.serving.serving_context import ServingContext
+    finished = FinishedRun.of(options.out)
+    scenes, methods = finished.scenes(options.scenes), finished.methods(options.methods)
+    if options.seed not in finished.run.seeds:
+        known = " ".join(map(str, finished.run.seeds))
+        raise InputError(f"--seed {options.seed}: the run does not have it; it has {known}")
+    machine = Machine(chosen_device(options.device).type, 1, options.threads)
 
-        finished = FinishedRun.of(out)
-        scenes, methods = finished.scenes(options.scenes), finished.methods(options.methods)
-        if options.seed not in finished.run.seeds:
-            known = " ".join(map(str, finished.run.seeds))
-            raise InputError(f"--seed {options.seed}: the run does not have it; it has {known}")
-        machine = Machine(chosen_device(options.device).type, 1, options.threads)
+    def context(out: Path) -> ServingContext:
         own = finished, scenes, methods, options.seed, options.width
         return ServingContext(out, options.view_sets, out, options.quick, show, machine, *own)
 

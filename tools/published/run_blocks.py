@@ -234,7 +234,7 @@ OTHER_CONSTANTS = (
     "is not judged."
 )
 OTHER_PROCESSORS = "The columns are of different processors: compare core seconds only inside a column."
-RUNS_OF_OTHERS = "The two runs are of different processors, which differ in the last bits of every step."
+RUNS_APART = "The two runs are of different processors, which alone move scores."
 OWN_CONSTANTS = "In each column, every method has the constants that a search chose at the column's own scale."
 ONE_FOR_ALL = "one for all"
 """The start of all methods of a run from before each method had a separate start."""
@@ -362,7 +362,7 @@ def twice_the_steps(shorter: Run, longer: Run) -> str:
     for scores, which in ((before, "shorter"), (after, "longer")):
         entries[f"`{FAVOURITE}` − `{BASELINE}`, {which}"] = mean_of(scores[FAVOURITE] - scores[BASELINE])
     rows = table(("test PSNR, 95 %", scale), entries.items())
-    return f"{rows}\n\n{RUNS_OF_OTHERS}" if len(processors_of(shorter, longer)) > 1 else rows
+    return f"{rows}\n\n{RUNS_APART}" if len(processors_of(shorter, longer)) > 1 else rows
 
 
 def _with_interval(gain: float | None, interval: tuple[float, float] | None) -> str:

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from baselines.contract import Accelerations, Box, NetworkSize, Precision, Rays
 from harness.execution.ground_truth import read_views, view_set_folders
-from harness.machine.device import multiplies_bfloat16, processor_flags
+from harness.machine.device import multiplies_bfloat16
 from harness.plan.profiles import PROFILES
 from harness.plan.run_plan import Plan
 from harness.plan.schedule import Budget
@@ -74,7 +74,7 @@ class SpeedContext(StudyContext):
     @property
     def matrix_units(self) -> bool:
         """Return whether the higher targets apply: on a CPU with AMX."""
-        return self.device.type == "cpu" and "amx_bf16" in processor_flags() and self.precision == "bfloat16"
+        return self.device.type == "cpu" and multiplies_bfloat16(self.device) and self.precision == "bfloat16"
 
     def target(self, with_matrix_units: float, without: float) -> float | None:
         """Return the target; a GPU has none."""

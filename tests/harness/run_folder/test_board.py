@@ -8,7 +8,7 @@ import pytest
 
 from harness.command.main import main
 from harness.command.run_command import also_written
-from harness.execution.progress import Quiet
+from harness.execution.progress import Progress
 from harness.records.cells import CellRecord, write_cell
 from harness.run_folder import board
 from harness.run_folder.board import board_folder, require_tensorboard, write_board
@@ -86,7 +86,7 @@ def test_the_command_writes_every_cell_of_a_run(tmp_path: Path, capsys: pytest.C
 def test_a_run_writes_each_cell_as_it_ends_and_those_from_before(tmp_path: Path) -> None:
     write_cell(tmp_path, cell("nerf"))
     shown: list[CellRecord] = []
-    show = Quiet()
+    show = Progress()
     show.cell = shown.append  # type: ignore[method-assign]
     wrapped = also_written(argparse.Namespace(tensorboard=True), tmp_path, show)
     assert board_folder(tmp_path, cell("nerf")).is_dir()
