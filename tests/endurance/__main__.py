@@ -13,6 +13,7 @@ from random import Random
 
 from tests.endurance.runs import FORKED, FULL, PHASES, POINTS, TYPED, Ended, Way, phase_of, prepare, run
 from tests.endurance.same_results import cells_resumed, differences
+from tests.scenes.captures import flip
 
 NO_RUN_YET = "holds no run to resume"
 MANY_IN_TRAINING = 10
@@ -42,12 +43,7 @@ BOMB = b"cposix\nsystem\n(S'touch UNPICKLED'\ntR."
 
 
 def _flip(place: float) -> Callable[[Path], None]:
-    def flip(path: Path) -> None:
-        data = bytearray(path.read_bytes())
-        data[min(int(place * len(data)), len(data) - 1)] ^= 0x15
-        path.write_bytes(data)
-
-    return flip
+    return lambda path: flip(path, int(place * path.stat().st_size))
 
 
 def _folder(path: Path) -> None:

@@ -19,6 +19,7 @@ import pytest
 from scenes.files.errors import InputError
 from scenes.view_sets.view_set import read_view_set
 from tests.harness.ball import write_ball
+from tests.scenes.captures import Edit, edit
 
 SIZE = 24
 Spoil = Callable[[Path], Any]
@@ -29,13 +30,8 @@ def text(change: Callable[[bytes], bytes]) -> Spoil:
     return lambda folder: (folder / LISTING).write_bytes(change((folder / LISTING).read_bytes()))
 
 
-def edit(change: Callable[[dict[str, Any]], Any], file: str = TEST_LISTING) -> Spoil:
-    def spoil(folder: Path) -> None:
-        data = json.loads((folder / file).read_text(encoding="utf-8"))
-        change(data)
-        (folder / file).write_text(json.dumps(data), encoding="utf-8")
-
-    return spoil
+def edited(change: Edit, file: str = TEST_LISTING) -> Spoil:
+    return lambda folder: edit(folder, change, file)
 
 
 def replaced(name: str, make: Callable[[Path], Any]) -> Spoil:
@@ -67,7 +63,7 @@ def moved(pose: list[list[float]]) -> list[list[float]]:
     return (np.array(pose) * np.where(np.arange(16).reshape(4, 4) % 4 == 3, [[1e30]] * 3 + [[1.0]], 1.0)).tolist()
 
 
-def nerfstudio(change: Callable[[dict[str, Any]], Any] = lambda data: None, **frame: Any) -> Spoil:
+def nerfstudio(change: Edit = lambda data: None, **frame: Any) -> Spoil:
     """Write one listing in the format of nerfstudio; `frame` changes its first frame."""
 
     def spoil(folder: Path) -> None:
@@ -116,10 +112,10 @@ REFUSED: dict[str, tuple[Spoil, str]] = {
     "a pointer of Git LFS": (replaced(IMAGE, lambda file: file.write_bytes(b"version https://git-lfs\n")), NOT_READ),
     "one pixel": (replaced(IMAGE, lambda file: file.write_bytes(ONE_PIXEL)), "1 × 1 pixels, but views before it"),
     "one grey image": (replaced(IMAGE, lambda file: file.write_bytes(GREY)), "1 channels, no alpha"),
-    "a hair's breadth": (edit(lambda data: data.update(camera_angle_x=1e-9), LISTING), "the field of view is 5.7"),
-    "two lenses": (edit(lambda data: data.update(camera_angle_x=0.3)), "camera_angle_x differs between the splits"),
+    "a hair's breadth": (edited(lambda data: data.update(camera_angle_x=1e-9), LISTING), "the field of view is 5.7"),
+    "two lenses": (edited(lambda data: data.update(camera_angle_x=0.3)), "camera_angle_x differs between the splits"),
     "light years away": (
-        edit(lambda data: [view.update(transform_matrix=moved(view["transform_matrix"])) for view in data["frames"]]),
+        edited(lambda data: [view.update(transform_matrix=moved(view["transform_matrix"])) for view in data["frames"]]),
         "Expected `float` < 1e+30",
     ),
     "a training photo as a test": (lambda folder: shutil.copy(folder / LISTING, folder / TEST_LISTING),

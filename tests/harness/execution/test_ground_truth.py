@@ -53,8 +53,12 @@ def rendered(cache: Path, limit: float | None = None, file: str | None = "mine.p
     return list(render_view_sets(("mine",), VIEWS, cache, file, limit))
 
 
-def test_the_view_in_work_is_named(tmp_path: Path, renderer: Callable[..., None]) -> None:
-    renderer(*map(said, range(5)), ended())
+def test_the_view_in_work_is_named_and_what_a_scene_prints_ends_nothing(
+    tmp_path: Path, renderer: Callable[..., None]
+) -> None:
+    deep = tmp_path / "deep"
+    deep.write_text("[" * 1_000_000 + "\n", encoding="utf-8")
+    renderer(f"cat {deep}", *map(said, range(5)), ended())
     found = rendered(tmp_path)
     assert [one.doing for one in found[:5]] == [
         "view train/r_0", "view train/r_1", "view test/r_0", "view test/r_1", "the end",
@@ -143,13 +147,6 @@ def test_what_the_renderer_leaves_behind_holds_nothing_up(
         os.kill(child, 0)  # it is still there
     finally:
         os.kill(int((tmp_path / "child").read_text(encoding="utf-8")), signal.SIGKILL)
-
-
-def test_what_a_scene_prints_ends_nothing(tmp_path: Path, renderer: Callable[..., None]) -> None:
-    deep = tmp_path / "deep"
-    deep.write_text("[" * 1_000_000 + "\n", encoding="utf-8")
-    renderer(f"cat {deep}", ended())
-    assert rendered(tmp_path)[-1].path == Path("there/mine")
 
 
 def test_a_renderer_that_the_system_kills_is_told_as_such(tmp_path: Path, renderer: Callable[..., None]) -> None:

@@ -1,6 +1,8 @@
 """Losses of short trainings, and errors of weighted means of cells: power and false alarms, by simulation."""
 
 from collections.abc import Callable
+from itertools import product
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,7 +20,7 @@ from harness.gate.gates import (
     Scatter,
 )
 from harness.gate.quality import losses, scatter
-from harness.gate.quality.losses import FIGURES, SINGLE, Judge, Scores, StoredScore
+from harness.gate.quality.losses import FIGURES, SINGLE, Judge, StoredScore
 from harness.gate.references import References
 from harness.records.metric_table import METRICS
 from tests.harness.gate.gate_runs import usual_judge
@@ -62,33 +64,19 @@ class Simulated:
         """Return references, and the truth without rounding for the gate's seeds."""
         truth = self.trainings(len(SEEDS))
         draws = self.rounded({score: np.repeat(value[..., None], DRAWS, axis=-1) for score, value in truth.items()})
-        cells = {
-            key: {
-                score: (sign_of(score) * draws[score][place][: DRAWS if place[2] < len(GATE_SEEDS) else 1]).tolist()
-                for score in SCORES
-            }
-            for key, place in places(SEEDS).items()
-        }
+        cells: dict[str, dict[str, list[float]]] = by_key(draws, SEEDS)
+        for key in cells.keys() - by_key(truth, GATE_SEEDS).keys():
+            cells[key] = {score: values[:1] for score, values in cells[key].items()}
         return References(cells=cells), {score: value[..., : len(GATE_SEEDS)] for score, value in truth.items()}
 
 
-def sign_of(score: str) -> float:
-    return 1.0 if METRICS[score].higher_is_better else -1.0
-
-
-def places(seeds: tuple[int, ...]) -> dict[str, tuple[int, int, int]]:
+def by_key(cells: Cells, seeds: tuple[int, ...]) -> dict[str, Any]:
+    """Return scene/method/seed → score → its number or its draws, with the sign of the metric."""
+    signed = {score: value if METRICS[score].higher_is_better else -value for score, value in cells.items()}
+    names = product(enumerate(TRAINED_SCENES), enumerate(TRAINED_METHODS), enumerate(seeds))
     return {
-        f"{scene}/{method}/{seed}": (s, m, j)
-        for s, scene in enumerate(TRAINED_SCENES)
-        for m, method in enumerate(TRAINED_METHODS)
-        for j, seed in enumerate(seeds)
-    }
-
-
-def scores_of(cells: Cells) -> Scores:
-    return {
-        key: {score: float(sign_of(score) * value[place]) for score, value in cells.items()}
-        for key, place in places(GATE_SEEDS).items()
+        f"{scene}/{method}/{seed}": {score: value[s, m, j].tolist() for score, value in signed.items()}
+        for (s, scene), (m, method), (j, seed) in names
     }
 
 
@@ -139,7 +127,7 @@ def test_harmless_changes_pass_and_the_stated_losses_are_found(
         references, new = draw(simulated)
 
         def judged(cells: Cells, references: References = references) -> Judge:
-            return Judge.of(references, scores_of(cells), has_changed=mode != "rounding")
+            return Judge.of(references, by_key(cells, GATE_SEEDS), has_changed=mode != "rounding")
 
         unchanged = judged(new)
         assert unchanged.scatter == mode
