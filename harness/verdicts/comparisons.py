@@ -70,12 +70,13 @@ def fields_of(chosen: Estimate) -> dict[str, Any]:
 
 def compare(cells: list[CellRecord], methods: list[str], roles: Roles = USUAL) -> list[Comparison]:
     """Compare every method with the baseline and the controls of `roles`, and the pairs of claims. Pairs are compared
-    on each scene on which both methods have cells of any status, and over all scenes if they have cells on all.
+    on each scene on which both methods have cells of any status, and over all scenes if they have cells on all; at
+    equal steps, and at equal core seconds, or wall seconds where no core seconds were counted.
     """
     by_key, _, seeds = keyed(cells)
-    along, rows, pairs = budgets_of(cells), [], roles.pairs(methods)
+    along, rows, pairs = headline_budgets(budgets_of(cells)), [], roles.pairs(methods)
     throughout = {name for name in METRICS if scored_along(cells, name)}
-    in_headline = sum("all" in scenes_of(cells, *pair) for pair in pairs) * len(headline_budgets(along))
+    in_headline = sum("all" in scenes_of(cells, *pair) for pair in pairs) * len(along)
     for method, against in pairs:
         where = scenes_of(cells, method, against)
         shared = [scene for scene in where if scene != "all"]
@@ -85,9 +86,8 @@ def compare(cells: list[CellRecord], methods: list[str], roles: Roles = USUAL) -
                 if metric.optional:  # a scene without such a score is not a missing pair
                     table = {scene: values for scene, values in table.items() if np.isfinite(values).any()}
                 for scene in (scene for scene in where if scene in table or (scene == "all" and table)):
-                    family = family_of(name, scene, len(table))
-                    if is_headline(scene, name, budget, along):
-                        family = in_headline
+                    headline = is_headline(scene, name, budget, along)
+                    family = in_headline if headline else family_of(name, scene, len(table))
                     judgement = judged(table, name, family, scene)
                     rows.append(
                         Comparison(

@@ -3,9 +3,10 @@
 from harness.records.cells import Comparison, Estimate
 from harness.records.verdict import Verdict, phrase_with
 from harness.verdicts.failures import Failures, failures
+from harness.verdicts.headline_family import is_headline
 from reports.claims.psnr_table import ends_of, lines
 from reports.data.load import Records
-from reports.data.outcome import doubts, robust_differs
+from reports.data.outcome import doubts
 from reports.data.selection import behind_difference
 from reports.data.wording import BUDGETS, NARROW, NOTHING, counted, interval, number, signed, tone_of_sign
 from reports.page.grid import EMPTY, Column, Entry, Grid, without_empty_columns
@@ -45,6 +46,7 @@ def judged_in_words(pair: tuple[float, float], verdict: Verdict) -> str:
 
 def senses_grid(records: Records) -> Grid:
     """Tabulate PSNR over all scenes, one row per pair of methods and budget."""
+    along = [row.budget for row in records.comparisons]
     rows = [
         [
             Entry(row.method, f"− {row.against}"),
@@ -54,11 +56,11 @@ def senses_grid(records: Records) -> Grid:
             _robust(row),
         ]
         for row in records.comparisons
-        if (row.scene, row.metric) == ("all", "psnr") and row.on_these_scenes
+        if is_headline(row.scene, row.metric, row.budget, along) and row.on_these_scenes
     ]
     columns = [Column("method", numeric=False), Column("budget", numeric=False), Column("difference")]
     columns += [Column(words, small="95 % interval") for words in SENSES.values()]
-    columns.append(Column("robust", small="where it disagrees"))
+    columns.append(Column("robust", small="Hodges–Lehmann"))
     flagged = [words for row in records.comparisons if row.flagged and row.metric == "psnr" for words in doubts(row)]
     effect = "d is the difference in standard deviations of the pairs within a scene, or of the scenes."
     note = f"{EXPLAINED} {FAMILY} {effect}"
@@ -77,7 +79,7 @@ def _estimate(about: Estimate | None) -> Entry:
 
 
 def _robust(row: Comparison) -> Entry:
-    if row.robust is None or not robust_differs(row):
+    if row.robust is None:
         return EMPTY
     return Entry(f"{signed(row.robust.difference)} dB", interval(row.robust.interval), value=row.robust.difference)
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from harness.records.cells import Budget, Comparison
 from harness.records.verdict import phrase_with
 from harness.verdicts.changes import Condition, change
-from harness.verdicts.headline_family import headline_budgets
+from harness.verdicts.headline_family import headline_budgets, is_headline
 from harness.verdicts.last_doubling import STILL_RISING, last_doublings
 from reports.data.load import Records
 from reports.data.outcome import Outcome, change_in_words, clause, clauses, doubts, on_few_scenes, size_words
@@ -57,8 +57,8 @@ def headline(records: Records) -> Headline:
     if not records.contenders:
         return Headline(f"Only {records.baseline} was run: there is nothing to compare it with", [], [])
     method, fought = records.contenders[0], duels(records)
-    title = _title(records, method, [duel for duel in fought if duel.method == method])
-    sentences = [_means(records), _others(records, method, fought), _bandwidth(records, method)]
+    title = _title(records, method, fought)
+    sentences = [_means(records), _others(records, fought), _bandwidth(records, method)]
     sentences += from_steps_to_time(records, method)
     sentences += [words for duel in fought for row in (duel.steps, duel.time) for words in doubts(row)]
     return Headline(title, [sentence for sentence in sentences if sentence], fought)
@@ -92,6 +92,7 @@ def outcome_of(records: Records, row: Comparison | None) -> Outcome | None:
 
 
 def _title(records: Records, method: str, fought: list[Duel]) -> str:
+    """State the first contender's differences, then those of the second."""
     baseline, control = records.baseline, records.control
     cells = [cell for cell in records.cells if cell.method == method]
     lost = sum(cell.status in LOST for cell in cells)
@@ -99,12 +100,16 @@ def _title(records: Records, method: str, fought: list[Duel]) -> str:
         return f"{method} was not available: nothing can be said of it"
     if cells and lost == len(cells):
         return f"{method} did not finish a single run: nothing can be said of its quality"
-    outcomes = {duel.against: outcome for duel in fought if (outcome := outcome_of(records, duel.steps))}
+    judged = [outcome for duel in fought if (outcome := outcome_of(records, duel.steps))]
+    outcomes = {outcome.against: outcome for outcome in judged if outcome.method == method}
     losses = [words for name in (method, baseline) if (words := _lost(records, name))]
     if losses and baseline not in outcomes:
         return f"{' and '.join(losses)}: {method} and {baseline} cannot be compared"
     title = title_of(outcomes.get(baseline), outcomes.get(control or ""), control)
     title = title or f"No comparison of {method} with {baseline} could be made"
+    title = "; ".join(
+        filter(None, [title, clauses([each for each in judged if each.method in records.contenders[1:2]])])
+    )
     how = ["at equal steps"] if any(duel.time for duel in fought) else []
     if outcomes:
         like = any(duel.steps and duel.steps.scenes_like_these for duel in fought)
@@ -140,8 +145,8 @@ def _means(records: Records) -> str:
     return f"Mean test PSNR {where}: {listed(scored)}.{survivors}"
 
 
-def _others(records: Records, method: str, fought: list[Duel]) -> str:
-    further = [name for name in dict.fromkeys(duel.method for duel in fought) if name != method][:FURTHER]
+def _others(records: Records, fought: list[Duel]) -> str:
+    further = records.contenders[2 : 2 + FURTHER]
     outcomes = [outcome_of(records, duel.steps) for duel in fought if duel.method in further]
     words = clauses([outcome for outcome in outcomes if outcome])
     return f"At equal steps, {words}." if words else ""
@@ -166,10 +171,13 @@ def _bandwidth(records: Records, method: str) -> str:
 
 
 def from_steps_to_time(records: Records, method: str) -> list[str]:
-    """State how each difference of `method` changes from equal steps to equal time, judged as a change."""
+    """State how each difference of `method` changes from equal steps to equal time, judged as a change together with
+    those of all pairs of the headline.
+    """
     steps, time = budgets_of(records)
     pairs = [(duel.method, duel.against) for duel in duels(records) if duel.method == method]
     before, after = Condition(records.cells, steps), Condition(records.cells, time)
-    changes = [change(*pair, before, after, family=len(pairs)) for pair in pairs]
+    family = sum(is_headline(row.scene, row.metric, row.budget, (steps,)) for row in records.comparisons)
+    changes = [change(*pair, before, after, family=family) for pair in pairs]
     stated = [change_in_words(known) for known in changes if known is not None]
     return [f"From equal steps to {BUDGETS[time]}: {'; '.join(stated)}."] if stated else []

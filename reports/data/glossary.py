@@ -47,8 +47,8 @@ WORDS = (
     ),
     (
         "robust",
-        "A mean that one bad cell does not move: medians over seeds, then the median over pairs of scenes. It is shown "
-        "where it disagrees with the mean.",
+        "A mean that one bad cell does not move: medians over seeds, then the median over pairs of scenes. A sentence "
+        "says where the mean lies outside its interval.",
     ),
     ("smallest detectable", "The sign of a true difference of this size would be found in 80 of 100 repetitions."),
     (

@@ -116,11 +116,14 @@ def change_in_words(change: Change) -> str:
 
 
 def robust_differs(row: Comparison) -> bool:
-    """Return whether mean and robust estimate disagree in sign, or by more than the smallest effect of interest."""
+    """Return whether the mean lies outside the robust interval, or off the robust estimate by more than the smallest
+    effect of interest if there is no such interval.
+    """
     if row.robust is None or row.difference is None:
         return False
-    distance = abs(row.robust.difference - row.difference)
-    return distance > metric_of(row.metric).smallest_of_interest or row.robust.difference * row.difference < 0
+    if row.robust.interval is None:
+        return abs(row.robust.difference - row.difference) > metric_of(row.metric).smallest_of_interest
+    return not row.robust.interval[0] <= row.difference <= row.robust.interval[1]
 
 
 def robust_in_words(row: Comparison) -> str:

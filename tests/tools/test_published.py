@@ -49,7 +49,8 @@ PAIRS = (("qnerf", "nerf"), ("qnerf", "nerf_matched"), ("qnerf_repaired", "nerf"
 
 
 def made_up(*pairs: tuple[str, str]) -> Run:
-    row = {"metric": "psnr", "budget": "steps", "difference": 0.5, "verdict": ABOVE}
+    like = {"verdict": ABOVE}
+    row = {"metric": "psnr", "budget": "steps", "difference": 0.5, "verdict": ABOVE, "scenes_like_these": like}
     rows = [{**row, "scene": "all", "method": method, "against": against} for method, against in pairs]
     return {"comparisons": rows, "scenes": [{"scene": name} for name in "abcd"], "headline": "nothing"}
 
@@ -63,12 +64,13 @@ def test_every_contender_has_its_clause_and_one_that_was_not_run_has_none() -> N
 
 
 def test_words_that_a_replicate_does_not_repeat_are_not_said() -> None:
-    row = {"method": "qnerf_repaired", "against": "nerf", "differences": [0.4]}
+    row = {"method": "qnerf_repaired", "against": "nerf", "budget": "steps", "difference": 0.4}
     for verdict, clause in (
         (ABOVE, "qnerf_repaired gains 0.50 dB over nerf, more than the 0.2 dB that matter"),
         (OPEN, "the sign of qnerf_repaired − nerf is open (+0.40 to +0.50 dB in two runs)"),
     ):
-        assert clause in answer(made_up(*PAIRS), {"over_all": [{**row, "verdicts": [verdict]}]})
+        replicate = {"comparisons": [{**row, "scenes_like_these": {"verdict": verdict}}]}
+        assert clause in answer(made_up(*PAIRS), {"runs": [replicate]})
 
 
 CONSTANTS = [(1.0, None), (25.0, None), (25.0, 0.3)]

@@ -20,12 +20,12 @@ from tools.published import run_blocks, search_blocks, study_blocks
 from tools.published.published_cells import Run, judged_again
 
 RUN = ("reduced/summary.json",)
-REPLICATES = "reduced/processors.json?"
-"""The plan of the default run, trained twice more (`python -m harness compare`)."""
+REPLICATES = "reduced/replicates.json?"
+"""The default run's plan, trained again on other instruction sets (`python -m tools.published.replicates`)."""
 BLOCKS: dict[str, tuple[tuple[str, ...], Callable[..., str]]] = {
     "scale": (RUN, run_blocks.scale),
     "result": ((*RUN, REPLICATES), run_blocks.result),
-    "equal time": (RUN, run_blocks.equal_time),
+    "equal time": ((*RUN, REPLICATES), run_blocks.equal_time),
     "scores": (RUN, run_blocks.scores),
     "constants": (("constants.json",), lambda search: search_blocks.choice(search_blocks.on_complete_scenes(search))),
     "late constants": (("constants_late.json",), search_blocks.choice),
@@ -40,13 +40,13 @@ BLOCKS: dict[str, tuple[tuple[str, ...], Callable[..., str]]] = {
     "twice the steps": (("reduced/halved.json", *RUN), run_blocks.twice_the_steps),
     "under Adam": ((*RUN, "adam/summary.json", REPLICATES), run_blocks.second_run),
     "ledger": (RUN, run_blocks.ledger),
-    "processors": (("reduced/processors.json", *RUN), run_blocks.processors),
+    "processors": (("reduced/processors.json", *RUN, REPLICATES), run_blocks.processors),
     "GPU": (
         ("gpu/compared.json", "gpu/again.json", "gpu/summary.json", "gpu/speed.json", *RUN),
         run_blocks.on_a_gpu,
     ),
     "environment": (("environment.json",), study_blocks.environment),
-    "evidence": (("reduced/evidence.json", "evidence_earlier.json"), study_blocks.evidence),
+    "evidence": (("reduced/evidence.json",), study_blocks.evidence),
     "objections": (("objections.json",), study_blocks.objections),
     "collapse": (("collapse.json",), study_blocks.collapse),
     "frontier": (("frontier/frontier.json",), study_blocks.frontier),

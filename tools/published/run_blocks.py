@@ -22,7 +22,6 @@ from tools.published.replicates import (
     CONTROL,
     FAVOURITE,
     REPAIRED,
-    Replicated,
     answer,
     replicated,
     row,
@@ -35,6 +34,7 @@ DUELS = (
     (CONTROL, BASELINE),
 )
 NO_ESTIMATE = "–"
+NOT_REPEATED = "{} was not repeated on another instruction set, so its words are those of one run."
 
 
 def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
@@ -57,7 +57,7 @@ def in_both(run: Run, other: Run) -> list[str]:
     return [method for method in main_methods(run) if method in main_methods(other)]
 
 
-def estimate(comparison: Run, sense: str, runs: Replicated | None = None) -> str:
+def estimate(comparison: Run, sense: str, replicates: Run | None = None) -> str:
     """Format the interval of the verdict with its words: `−0.13 to +0.50: sign and size open`. If a replicate does not
     repeat the words, format what all share: `−0.13 to +0.50; +0.12 to +0.14 dB in three runs: above 0, size open`.
     """
@@ -65,7 +65,8 @@ def estimate(comparison: Run, sense: str, runs: Replicated | None = None) -> str
     pair = known and (known["simultaneous"] or known["interval"])
     if not pair:
         return NO_ESTIMATE
-    if runs and sense == "scenes_like_these" and not runs.repeated:
+    runs = replicated(comparison, sense, replicates or {})
+    if not runs.repeated:
         return f"{between(pair)}; {shared(runs.differences, runs.verdicts)}"
     return judged_in_words(pair, verdict_in(known))
 
@@ -90,17 +91,16 @@ def result(run: Run, replicates: Run) -> str:
 
 
 def in_brief(run: Run) -> str:
-    return f"{differences(run)}\n\n{scale(run)}"
+    return f"{differences(run)}\n\n{NOT_REPEATED.format('The run')} {scale(run)}"
 
 
 def differences(run: Run, budget: str = "steps", replicates: Run | None = None) -> str:
-    of_pairs = replicated(run, replicates or {})
     duels = {pair: duel for pair in DUELS if (duel := row(run, "all", *pair, budget))}
     rows = [
         (
             f"`{pair[0]}` − `{pair[1]}`",
             f"{signed(duel['difference'])} dB",
-            *(estimate(duel, name, of_pairs.get(pair)) for name in SENSES),
+            *(estimate(duel, name, replicates) for name in SENSES),
         )
         for pair, duel in duels.items()
     ]
@@ -109,10 +109,10 @@ def differences(run: Run, budget: str = "steps", replicates: Run | None = None) 
     return "\n\n".join([with_estimates(head, rows), *notes])
 
 
-def equal_time(run: Run) -> str:
+def equal_time(run: Run, replicates: Run | None = None) -> str:
     steps, time = (condition_of(run, main_methods(run), equal_time) for equal_time in (False, True))
     words = f"from {BUDGETS[steps.budget]} to {BUDGETS[time.budget]}"
-    return f"{differences(run, time.budget)}\n\n{changed(run, steps, time, words)}"
+    return f"{differences(run, time.budget, replicates)}\n\n{changed(run, steps, time, words)}"
 
 
 def changed(run: Run, before: Condition, after: Condition, words: str) -> str:
@@ -146,7 +146,7 @@ def second_run(run: Run, other: Run, replicates: Run) -> str:
     """Tabulate a second run of the same methods next to the default run, to which `replicates` belong: over all scenes
     if both runs have the same, else scene by scene.
     """
-    runs, of_pairs, methods = (run, other), replicated(run, replicates), in_both(run, other)
+    runs, methods = (run, other), in_both(run, other)
     names, others = ([scene["scene"] for scene in each["scenes"]] for each in runs)
     common = [name for name in names if name in others]
     same = len(common) == len(names) == len(others)
@@ -159,10 +159,9 @@ def second_run(run: Run, other: Run, replicates: Run) -> str:
         for pair in DUELS:
             duels = [row(each, place, *pair) for each in runs]
             if all(duels):
-                known = (of_pairs.get(pair) if same else None, None)
                 differences = (
-                    f"{signed(duel['difference'])} dB, {estimate(duel, sense, own)}"
-                    for duel, own in zip(duels, known, strict=True)
+                    f"{signed(duel['difference'])} dB, {estimate(duel, sense, repeats)}"
+                    for duel, repeats in zip(duels, (replicates if same else None, None), strict=True)
                     if duel
                 )
                 rows.append((f"`{pair[0]}` − `{pair[1]}`{'' if same else where}", *differences))
@@ -174,8 +173,9 @@ def second_run(run: Run, other: Run, replicates: Run) -> str:
     ]
     words = "on scenes like these" if same else "on single scenes"
     head = (f"test PSNR; differences {words}, 95 %", *map(training, runs))
-    seconds = OTHER_PROCESSORS if len(processors_of(*runs)) > 1 else None
-    return "\n\n".join(filter(None, [table(head, rows), seconds, _change_between(run, other, methods), scale(other)]))
+    seconds = OTHER_PROCESSORS if len(processors_of(*runs)) > 1 else ""
+    notes = f"{NOT_REPEATED.format('The run of the second column')} {seconds}".rstrip()
+    return "\n\n".join(filter(None, [table(head, rows), notes, _change_between(run, other, methods), scale(other)]))
 
 
 def _change_between(run: Run, other: Run, methods: list[str]) -> str:
@@ -369,14 +369,17 @@ def _with_interval(gain: float | None, interval: tuple[float, float] | None) -> 
     return f"{signed(gain)} dB{f', {between(interval)}' if interval else ''}"
 
 
-def processors(run: Run, published: Run) -> str:
+def processors(run: Run, published: Run, replicates: Run) -> str:
     """State how far scores move on another processor, and what the published run and the replicates share."""
     here = ", ".join(
         f"{place.replace('_', ' ')} {listed(ours)} and {listed(theirs)}"
         for place, (ours, theirs) in run["origins"].items()
     )
     by_verdict: dict[str, list[str]] = {}
-    for (first, second), runs in replicated(published, run).items():
+    for first, second in DUELS:
+        if (duel := row(published, "all", first, second)) is None:
+            continue
+        runs = replicated(duel, "scenes_like_these", replicates)
         unlike = "" if runs.repeated else f", published as {runs.verdicts[0].phrase}"
         pair = f"`{first}` − `{second}` ({in_runs(runs.differences)}{unlike})"
         by_verdict.setdefault(common(runs.verdicts).phrase, []).append(pair)

@@ -20,21 +20,14 @@ SIZES = (100, 400, 800)
 FRONTIER_PICTURE = "![Error against core seconds of training](frontier/frontier.png)"
 
 
-def evidence(record: Studies, earlier: Studies) -> str:
-    """State the answer of each study and the failing checks, then the studies of an earlier version."""
-    before = (
-        f"Of an earlier version (commit {earlier.provenance.get('commit')}, {earlier.provenance.get('processor')}):"
-    )
-    pictures = "![What each part does](reduced/evidence_effects.png)", "![Frequencies](reduced/bandwidth.png)"
-    return "\n\n".join([_answered(record), before, _answered(earlier), *pictures])
-
-
-def _answered(record: Studies) -> str:
+def evidence(record: Studies) -> str:
+    """State the answer of each study and the failing checks."""
     checks, broken = list(record.checks()), record.broken
     answers = [f"* **{study.info.title}** {study.answers[0]}" for study in record.studies if study.answers]
     lost = "; ".join(f"{check.what} ({study.info.title})" for study, check in broken)
     hold = f"{len(checks) - len(broken)} of {len(checks)} checks hold{'; not: ' if broken else ''}{lost}."
-    return "\n\n".join(["\n".join(answers), hold])
+    pictures = "![What each part does](reduced/evidence_effects.png)", "![Frequencies](reduced/bandwidth.png)"
+    return "\n\n".join(["\n".join(answers), hold, *pictures])
 
 
 def objections(record: Studies) -> str:

@@ -12,6 +12,7 @@ from harness.records.json_record import plain
 from harness.records.verdict import Verdict
 from harness.verdicts.changes import Condition, changes
 from harness.verdicts.comparisons import Key, budgets_of, compare
+from harness.verdicts.headline_family import headline_budgets
 from scenes.files.errors import InputError
 
 OF_THE_MACHINE = ("precision", "device", "threads")
@@ -165,7 +166,7 @@ def _apart(where: str, pairs: list[tuple[CellRecord, CellRecord]]) -> Apart:
 
 
 def _moved(methods: list[str], first: list[CellRecord], second: list[CellRecord]) -> list[Moved]:
-    budgets = [budget for budget in budgets_of(first) if budget in budgets_of(second)]
+    budgets = headline_budgets([budget for budget in budgets_of(first) if budget in budgets_of(second)])
     moved = []
     for budget in budgets:
         for change in changes(methods, Condition(first, budget), Condition(second, budget)):

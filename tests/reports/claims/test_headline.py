@@ -146,10 +146,14 @@ def test_further_contenders_share_a_sentence(whole: Records) -> None:
     several = replace(whole, run=run, cells=repeated(whole.cells), comparisons=repeated(whole.comparisons))
     means, others, *_ = headline(several).sentences
     assert all(name in means for name in names)
-    assert others.startswith("At equal steps, first ")
+    title = headline(several).title
+    assert title.startswith("qnerf gains 0.81 dB over nerf")
+    assert "; first gains 0.81 dB over nerf" in title
+    assert "second" not in title
+    assert others.startswith("At equal steps, second ")
     assert others.count("nerf_matched") == 2
-    assert "second" in others
-    assert "third" not in others
+    assert "third" in others
+    assert "first" not in others
     assert not any(words.startswith("At equal steps") for words in headline(whole).sentences)
 
 
@@ -200,9 +204,9 @@ ROW = Comparison("all", "qnerf", "nerf", "psnr", "steps", 0.15, None, OPEN, None
 
 
 def test_a_robust_estimate_is_stated_if_it_disagrees() -> None:
-    agreeing = (None, Robust(0.3, (0.1, 0.5)), Robust(0.0, None))
-    apart, on_the_other_side = Robust(0.36, (0.1, 0.5)), Robust(-0.01, None)  # apart: by more than 0.2 dB
-    for robust in (*agreeing, apart, on_the_other_side):
+    agreeing = (None, Robust(-0.3, (-0.7, 0.15)), Robust(-0.04, None))
+    outside, apart = Robust(0.2, (0.16, 0.5)), Robust(0.36, None)  # apart: by more than 0.2 dB
+    for robust in (*agreeing, outside, apart):
         row = replace(ROW, robust=robust)
         differs = robust not in agreeing
         assert robust_differs(row) == bool(robust_in_words(row)) == bool(list(doubts(row))) == differs, robust
