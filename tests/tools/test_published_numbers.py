@@ -209,13 +209,18 @@ def test_the_evidence_names_what_does_not_hold(tmp_path: Path) -> None:
 def test_the_frontier_is_told_by_its_means_and_answers(tmp_path: Path) -> None:
     machine = {"cores": 2, "processor": "some processor"}
     means = Table("over_scenes", 0, "t", ["family", "4 core s"], [["nerf", "21.35"]])
-    front = study("front", "Who is ahead", Answer("splats is best, 30.10 dB."), means, seconds=120.0)
-    write_fake_studies(tmp_path / "frontier", fake_studies("frontier", provenance=machine, studies=[front]))
+    rows = [[name, "4", "21.35", f"{22.35 + 2 * place:.2f}", "30.10"] for place, name in enumerate("ab")]
+    by_scene = Table("by_scene", 0, "t", ["scene", "core s", "nerf", "planes", "splats"], rows)
+    front = study("front", "Who is ahead", Answer("splats is best, 30.10 dB."), Answer("It wins."), seconds=120.0)
+    scores = study("error_against_time", "Error", means, by_scene)
+    write_fake_studies(tmp_path / "frontier", fake_studies("frontier", provenance=machine, studies=[front, scores]))
     text = block("frontier", tmp_path)
     assert "| nerf | 21.35 |" in text
     assert "* **Who is ahead.** splats is best, 30.10 dB." in text
     assert "It took 2 minutes on 2 cores (some processor)." in text
-    assert block("leaders", tmp_path).startswith("splats is best, 30.10 dB. 2 scenes, 1 seed, some processor: ")
+    near = "At 4 core seconds planes is not distinguished from splats."
+    leaders = f"splats is best, 30.10 dB. It wins. {near} 2 scenes, 1 seed, some processor: "
+    assert block("leaders", tmp_path).startswith(leaders), "nerf is 8.75 dB behind on both scenes"
     assert "](docs/frontier/frontier.png)" in block("leaders", tmp_path)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from harness.records.metric_table import METRICS
 from harness.records.study import Studies
 from harness.records.verdict import verdict_of
+from harness.studies.frontier.front import not_distinguished
 from harness.studies.frontier.frontier_context import PHI_BUDGET
 from harness.studies.frontier.phi import sentences
 from harness.verdicts.statistics import paired_difference
@@ -79,8 +80,19 @@ def leaders(record: Studies) -> str:
     amount = record.settings["amount"]
     scale = f"{counted(len(amount['scenes']), 'scene')}, {counted(len(amount['seeds']), 'seed')}"
     where = f"{scale}, {record.provenance['processor']}: on another machine a core second is another amount of work."
-    leading = " ".join(_answers(record, "front"))
-    return f"{leading} {where}\n\n{FRONTIER_PICTURE.replace('(', '(docs/')}"
+    best, winners, *_ = _answers(record, "front")
+    (scores,) = (
+        grid for study in record.studies for grid in study.tables if grid.id == "by_scene" and "nerf" in grid.columns
+    )
+    by_budget: dict[str, list[list[float]]] = {}
+    for _, budget, *psnr in scores.rows:
+        by_budget.setdefault(str(budget), []).append([float(str(value)) for value in psnr])
+    near = [
+        sentence
+        for budget, rows in by_budget.items()
+        for sentence in not_distinguished(float(budget), scores.columns[2:], np.array(rows).T)
+    ]
+    return f"{' '.join([best, winners, *near])} {where}\n\n{FRONTIER_PICTURE.replace('(', '(docs/')}"
 
 
 def stability(record: Studies) -> str:

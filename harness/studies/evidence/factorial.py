@@ -34,7 +34,7 @@ def factorial(context: EvidenceContext) -> Iterator[Found]:
     designs = {reading: design_of(reading) for reading in READINGS}
     by_reading = {reading: contrast_effects(design, cells, f"({reading})") for reading, design in designs.items()}
     compared = [effect for pair in pairs() for effect in effects(cells, *pair)]
-    yield _answer(by_reading)
+    yield _answer(by_reading, cells)
     for reading, of_reading in by_reading.items():
         yield from _in_figures(of_reading, reading)
     for reading in READINGS:
@@ -88,15 +88,16 @@ def pairs() -> list[tuple[str, str]]:
     return list(dict.fromkeys(compared))
 
 
-def _answer(by_reading: dict[str, list[Effect]]) -> str:
-    clauses = []
+def _answer(by_reading: dict[str, list[Effect]], cells: list[CellRecord]) -> str:
+    clauses, scenes, seeds = [], dict.fromkeys(cell.scene for cell in cells), {cell.seed for cell in cells}
+    scale = f"{listed(scenes)}, {len(seeds)} seeds, at most {max(cell.steps for cell in cells)} steps"
     for reading, of_reading in by_reading.items():
         main = zip(PARTS, chosen(of_reading, scene="all", note=""), strict=True)
         parts = listed(f"{part} {amount(effect.difference, 'psnr')} ({effect.verdict.phrase})" for part, effect in main)
         clauses.append(f"with the amplifier of {reading} {parts}")
     return (
-        f"What each part changes at equal steps over all scenes: {'; '.join(clauses)}; what the φ encoding changes "
-        "need not be φ's doing, as with as many bands it reaches less far than 2^k (the study of bandwidth "
+        f"What each part changes at equal steps over all scenes ({scale}): {'; '.join(clauses)}; what the φ encoding "
+        "changes need not be φ's doing, as with as many bands it reaches less far than 2^k (the study of bandwidth "
         "separates the two)."
     )
 

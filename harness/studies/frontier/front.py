@@ -1,7 +1,7 @@
 """The best family at each budget with its probability, the crossings of families, and the stability of ranks."""
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -22,7 +22,7 @@ def front(context: FrontierContext) -> Iterator[Found]:
     if len(budgets) > 1:
         yield early_and_late(families, budgets, tables)
     for budget, table in zip(budgets, tables, strict=True):
-        yield from _not_distinguished(budget, families, table)
+        yield from not_distinguished(budget, families, table)
     columns = ["family", *(f"{budget:g} core s" for budget in budgets)]
     for name, title, shares in (
         ("best", "Probability of the best mean over scenes", np.array(best)),
@@ -50,7 +50,8 @@ def early_and_late(families: tuple[str, ...], budgets: list[float], tables: list
     return f"{ends} {then}; Kendall's τ of the two rankings is {tau:.2f}."
 
 
-def _not_distinguished(budget: float, families: tuple[str, ...], table: np.ndarray) -> Iterator[str]:
+def not_distinguished(budget: float, families: Sequence[str], table: np.ndarray) -> Iterator[str]:
+    """Name the families whose mean over scenes may be that of the best, from `table` [families, scenes] of PSNR."""
     known = [place for place in range(len(families)) if not np.isnan(table[place]).any()]
     if len(known) < 2 or table.shape[1] < 2:
         return
