@@ -1,6 +1,5 @@
 """Radiance fields with known integrals, in place of a network (`baselines.contract.RadianceField`)."""
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -77,9 +76,3 @@ def rays_at(target_spread: float, count: int, seed: int = 40, dtype: torch.dtype
     origins = 4.0 * torch.nn.functional.normalize(torch.randn(count, 3, generator=generator, dtype=dtype), dim=-1)
     targets = target_spread * torch.randn(count, 3, generator=generator, dtype=dtype)
     return Rays(origins, torch.nn.functional.normalize(targets - origins, dim=-1), near=2.0, far=6.0)
-
-
-def mean_depth_in_fog(density: float, length: float) -> float:
-    """Return the expected distance of a hit from the entry into homogeneous fog of this length."""
-    tau = density * length
-    return 1.0 / density - length * math.exp(-tau) / -math.expm1(-tau)

@@ -3,10 +3,8 @@ early, importance sampling.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
-import numpy as np
 import pytest
 import torch
 from torch import Tensor
@@ -23,7 +21,6 @@ from tests.baselines.analytic import (
     cube,
     gaussian,
     homogeneous,
-    mean_depth_in_fog,
     rays_at,
     smooth_ball,
     soft_shell,
@@ -59,23 +56,6 @@ def over_background(opacity: Tensor) -> Tensor:
 
 SOUND = [name for name, rule in QUADRATURES.items() if not rule.of_the_paper]
 every_sound_rule = pytest.mark.parametrize("rule", SOUND)
-
-
-@pytest.mark.parametrize(
-    ("what", "density", "rays", "exact", "order"),
-    [
-        ("depth", homogeneous(1.5), along_z(), 3.0 + mean_depth_in_fog(1.5, 2.0), 2.0),
-        ("opacity", ball(2.0, 0.8), rays_at(0.4, 400), -torch.expm1(-2.0 * chord(rays_at(0.4, 400), 0.8)), 1.0),
-    ],
-    ids=["depth in fog", "a ball with an edge"],
-)
-def test_closed_forms_are_met_with_their_order(
-    what: str, density: Callable[[Tensor], Tensor], rays: Rays, exact: Tensor | float, order: float
-) -> None:
-    counts = [16, 32, 64, 128, 256]
-    found = [getattr(render(AnalyticField(density), rays, n), what) for n in counts]
-    errors = [float((values - exact).square().mean().sqrt()) for values in found]
-    assert -np.polyfit(np.log(counts), np.log(errors), 1)[0] == pytest.approx(order, abs=0.25)
 
 
 def test_depth_of_an_opaque_ball_is_its_surface() -> None:

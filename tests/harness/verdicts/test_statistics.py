@@ -1,4 +1,4 @@
-"""Intervals, detectable effects and verdicts agree with closed forms and references; intervals hold the truth."""
+"""Intervals, detectable effects and verdicts agree with closed forms and references."""
 
 import math
 
@@ -11,13 +11,6 @@ from harness.records.verdict import OPEN, verdict_of
 from harness.verdicts import statistics
 from harness.verdicts.estimates import nested
 from harness.verdicts.statistics import PairedDifference, on_these_scenes, paired_difference, scenes_like_these
-
-Table = dict[str, np.ndarray]
-
-
-def held(results: list[PairedDifference]) -> float:
-    """Return the share of intervals that hold 0."""
-    return float(np.mean([low <= 0.0 <= high for low, high in (result.interval for result in results)]))
 
 
 @pytest.mark.parametrize("family", [1, 8, 48, 1000])
@@ -75,10 +68,9 @@ def test_differences_that_are_not_numbers_are_refused(values: list[float]) -> No
         paired_difference(np.array(values))
 
 
-def drawn(scenes: int, seeds: int, spread_of_scenes: float, spread: float = 1.0, many: int = 1) -> list[Table]:
-    draw = np.random.default_rng(scenes + 100 * seeds).normal
-    values = draw(0, spread_of_scenes, (many, scenes, 1)) + draw(0, spread, (many, scenes, seeds))
-    return [{str(place): row for place, row in enumerate(table)} for table in values]
+def drawn() -> dict[str, np.ndarray]:
+    """Return differences of eight scenes with three seeds each."""
+    return {str(scene): row for scene, row in enumerate(np.random.default_rng(308).normal(size=(8, 3)))}
 
 
 def test_on_these_scenes_of_equal_variances_is_the_pooled_t_interval() -> None:
@@ -111,30 +103,19 @@ def test_one_scene_alone_is_students_t() -> None:
         assert (found.freedom, found.effect) == (2.0, pytest.approx(2.0))
 
 
-@pytest.mark.parametrize("spread_of_scenes", [0.0, 2.0])
-def test_intervals_hold_what_they_are_about(spread_of_scenes: float) -> None:
-    tables = drawn(8, 3, spread_of_scenes, many=1000)
-    assert held([scenes_like_these(table) for table in tables]) == pytest.approx(0.95, abs=0.02)
-    # what is true on these scenes is what their infinitely many seeds would say: seeds drawn about 0 alone
-    fixed = drawn(8, 3, 0.0, many=1000)
-    assert held([on_these_scenes(table) for table in fixed]) == pytest.approx(0.95, abs=0.02)
-    if spread_of_scenes:
-        assert held([on_these_scenes(table) for table in tables]) < 0.6
-
-
 def test_the_freedom_on_these_scenes_is_satterthwaites() -> None:
-    """Three seeds of variance 1 and five of 4 have (1/3 + 4/5)² / ((1/3)² / 2 + (4/5)² / 4) degrees of freedom."""
-    three, five = np.array([-1.0, 0.0, 1.0]), np.array([-2.0, -2.0, 0.0, 2.0, 2.0])
+    """Three seeds of variance 1 and five of 400 have (1/3 + 80)² / ((1/3)² / 2 + 80² / 4) degrees of freedom."""
+    three, five = np.array([-1.0, 0.0, 1.0]), 10.0 * np.array([-2.0, -2.0, 0.0, 2.0, 2.0])
     result = on_these_scenes({"a": three, "b": five, "c": np.full(5, math.nan)})
-    assert result.error == pytest.approx(math.sqrt(1 / 3 + 4 / 5) / 2)
-    expected = (1 / 3 + 4 / 5) ** 2 / ((1 / 3) ** 2 / 2 + (4 / 5) ** 2 / 4)
+    assert result.error == pytest.approx(math.sqrt(1 / 3 + 80) / 2)
+    expected = (1 / 3 + 80) ** 2 / ((1 / 3) ** 2 / 2 + 80**2 / 4)
     assert result.freedom == pytest.approx(expected, abs=0.1)
 
 
 @pytest.mark.parametrize("repeated", range(1, 8))
 def test_a_scene_without_repeats_leaves_no_interval_on_these_scenes(repeated: int) -> None:
     """Regression test: seven scenes of one seed and one of two once gave ± 0.001 dB."""
-    (table,) = drawn(8, 3, 0.0)
+    table = drawn()
     for scene in list(table)[repeated:]:
         table[scene][1:] = math.nan
     assert on_these_scenes(table).interval is None
@@ -142,7 +123,7 @@ def test_a_scene_without_repeats_leaves_no_interval_on_these_scenes(repeated: in
 
 
 def test_a_scene_without_any_difference_is_no_part() -> None:
-    (table,) = drawn(8, 3, 0.0)
+    table = drawn()
     table["5"][:] = math.nan
     result = on_these_scenes(table)
     assert result.units == 7
