@@ -178,6 +178,6 @@ def from_steps_to_time(records: Records, method: str) -> list[str]:
     pairs = [(duel.method, duel.against) for duel in duels(records) if duel.method == method]
     before, after = Condition(records.cells, steps), Condition(records.cells, time)
     family = sum(is_headline(row.scene, row.metric, row.budget, (steps,)) for row in records.comparisons)
-    changes = [change(*pair, before, after, family=family) for pair in pairs]
+    changes = [change(*pair, before, after, family=max(family, len(pairs))) for pair in pairs]
     stated = [change_in_words(known) for known in changes if known is not None]
     return [f"From equal steps to {BUDGETS[time]}: {'; '.join(stated)}."] if stated else []

@@ -18,13 +18,19 @@ from tools.published.run_blocks import table, target
 
 OPAQUE = 0.995
 SIZES = (100, 400, 800)
+LEADING = {"calibration": 4}
+"""Study of the evidence → how many of its answers are stated, if more than the first."""
 FRONTIER_PICTURE = "![Error against core seconds of training](frontier/frontier.png)"
 
 
 def evidence(record: Studies) -> str:
     """State the answer of each study and the failing checks."""
     checks, broken = list(record.checks()), record.broken
-    answers = [f"* **{study.info.title}** {study.answers[0]}" for study in record.studies if study.answers]
+    answers = [
+        f"* **{study.info.title}** {' '.join(study.answers[: LEADING.get(study.info.id, 1)])}"
+        for study in record.studies
+        if study.answers
+    ]
     lost = "; ".join(f"{check.what} ({study.info.title})" for study, check in broken)
     hold = f"{len(checks) - len(broken)} of {len(checks)} checks hold{'; not: ' if broken else ''}{lost}."
     pictures = "![What each part does](reduced/evidence_effects.png)", "![Frequencies](reduced/bandwidth.png)"

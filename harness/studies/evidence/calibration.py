@@ -311,22 +311,31 @@ def _sentences(
         values = [point.coverage[kind] for point in points if kind in point.coverage]
         return f"{100 * min(values):.1f} to {100 * max(values):.1f} %"
 
+    coverage = []
     for scenes in COVERAGE:
         points = [point for point in judged if point.scenes in scenes]
         printed = [kind for kind in KINDS if any(kind in point.coverage for point in points)]
-        yield (
+        coverage.append(
             f"With {' and '.join(map(str, scenes))} scenes, an interval of 95 % holds the truth in "
             f"{'; '.join(f'{span(kind, points)} {kind}' for kind in printed)}: {len(points)} kinds of study, {count} "
             "of each."
         )
+    yield coverage[0]
+    effects = [effect for effect in EFFECTS if 0.1 <= effect <= 0.4]
+    found = ", ".join(f"{effect:g} dB in {100 * default.power[ELSEWHERE][effect]:.0f} %" for effect in effects)
+    yield (
+        f"At the scatter of the published run, {DEFAULT[0]} scenes and {DEFAULT[1]} seeds call an effect above 0 "
+        f"{ELSEWHERE}, among the {HEADLINE} comparisons of the headline: {found}."
+    )
+    for shares, of in (
+        (claims, "claim a sign where nothing differs"),
+        (misses, "have an interval that misses the truth"),
+    ):
+        stated = "; ".join(f"{name} {100 * share:.1f} %" for name, share in shares.items())
+        yield f"Families that {of}, with all of their printed comparisons: {stated}."
+    yield from coverage[1:]
     yield f"Kinds of study: {'; '.join(CHECKED)}; {' and '.join(map(str, SEEDS))} seeds."
     yield f"The scatter is that of {scatter}."
-    effects = [effect for effect in EFFECTS if 0.1 <= effect <= 0.4]
-    shares = ", ".join(f"{effect:g} dB in {100 * default.power[ELSEWHERE][effect]:.0f} %" for effect in effects)
-    yield (
-        f"At that scatter, {DEFAULT[0]} scenes and {DEFAULT[1]} seeds call an effect above 0 {ELSEWHERE}, among "
-        f"the {HEADLINE} comparisons of the headline: {shares}."
-    )
     effect = max(POWER)
     yield (
         f"If {ONE_BAD}, the intervals of means widen and hold the truth in {span(ELSEWHERE, spoilt)} {ELSEWHERE} and "
@@ -336,12 +345,6 @@ def _sentences(
         f"{100 * bad.power[ROBUST][effect]:.0f} %, without the bad cell in "
         f"{100 * default.power[ROBUST][effect]:.0f} %."
     )
-    for shares, of in (
-        (claims, "claim a sign where nothing differs"),
-        (misses, "have an interval that misses the truth"),
-    ):
-        stated = "; ".join(f"{name} {100 * share:.1f} %" for name, share in shares.items())
-        yield f"Families that {of}, with all of their printed comparisons: {stated}."
     wrongly = [point.coverage[ASKED_WRONGLY] for point in judged if point.scene_sd == LARGE_SD]
     yield (
         f"The interval on these scenes holds for no others: if effects differ by {LARGE_SD:g} dB from scene to scene, "
