@@ -87,9 +87,8 @@ def leaders(record: Studies) -> str:
     scale = f"{counted(len(amount['scenes']), 'scene')}, {counted(len(amount['seeds']), 'seed')}"
     where = f"{scale}, {record.provenance['processor']}: on another machine a core second is another amount of work."
     best, winners, *_ = _answers(record, "front")
-    (scores,) = (
-        grid for study in record.studies for grid in study.tables if grid.id == "by_scene" and "nerf" in grid.columns
-    )
+    by_time = next(study for study in record.studies if study.info.id == "error_against_time")
+    scores = next(grid for grid in by_time.tables if grid.id == "by_scene")
     by_budget: dict[str, list[list[float]]] = {}
     for _, budget, *psnr in scores.rows:
         by_budget.setdefault(str(budget), []).append([float(str(value)) for value in psnr])
