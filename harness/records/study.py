@@ -130,6 +130,8 @@ class Effect(Record, frozen=True, tag="effect"):
     note: str = ""
     on_these_scenes: Estimate | None = None
     """The estimate whose error comes from seeds only, if `interval` is for scenes like these."""
+    p: float | None = None
+    """The two-sided p-value of a difference of 0, as in `harness.records.cells.Estimate`."""
 
 
 class Series(Record, frozen=True, tag="series"):

@@ -13,16 +13,12 @@ from reports.data.load import Records
 from reports.data.outcome import robust_in_words
 from reports.data.selection import Selection, behind_difference
 from reports.data.table import Spread, average_of, cells_frame, shared_scenes, spread_of
-from reports.data.wording import BUDGETS, NOTHING, counted, interval, number, signed, tone_of_sign
+from reports.data.wording import BUDGETS, DISCOVERIES, NOTHING, counted, interval, number, signed, tone_of_sign
 from reports.page.grid import EMPTY, Column, Entry, Grid
 
 TOGETHER = (
     "Where several are looked at together, the verdict is taken from wider intervals (Bonferroni): all of these hold "
     "the truth in 95 %."
-)
-DISCOVERIES = (
-    "q: the false discovery rate at which a row would just count among those of the table that differ (Benjamini and "
-    "Hochberg)."
 )
 SPENT = (
     "Gain of the last doubling: PSNR at the end less that at half of the steps, while the learning rate still falls; "

@@ -26,6 +26,10 @@ def mark_of(verdict: TwoWords) -> str:
 
 
 BUDGETS = {"steps": "equal steps", "seconds": "equal training time", "core_seconds": "equal core seconds"}
+DISCOVERIES = (
+    "q: the false discovery rate at which a row would just count among those of the table that differ (Benjamini and "
+    "Hochberg)."
+)
 NOTHING = "–"
 MINUS = "−"
 NARROW = "\u202f"

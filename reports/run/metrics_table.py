@@ -11,7 +11,6 @@ from harness.verdicts.estimates.multiplicity import benjamini_hochberg
 from harness.verdicts.training_cost import CostRatio, cost_ratios
 from reports.claims.arithmetic import COMPONENT_TITLES
 from reports.claims.psnr_table import (
-    DISCOVERIES,
     FAILURES,
     TOGETHER,
     difference_entry,
@@ -23,7 +22,18 @@ from reports.claims.psnr_table import (
 from reports.data.load import Records
 from reports.data.selection import Selection
 from reports.data.table import average_of, cells_frame, shared_scenes, spread_of
-from reports.data.wording import BUDGETS, NARROW, count, duration, interval, listed, number, signed, significant
+from reports.data.wording import (
+    BUDGETS,
+    DISCOVERIES,
+    NARROW,
+    count,
+    duration,
+    interval,
+    listed,
+    number,
+    signed,
+    significant,
+)
 from reports.page.grid import EMPTY, Column, Entry, Grid, without_empty_columns
 
 

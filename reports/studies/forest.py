@@ -5,10 +5,11 @@ from textwrap import fill
 from harness.records.metric_table import metric_of
 from harness.records.study import Effect
 from harness.records.verdict import phrase_with
-from reports.data.wording import BUDGETS, after, counted, interval, mark_of, number, signed, tone_of_sign
+from harness.verdicts.estimates.multiplicity import benjamini_hochberg
+from reports.data.wording import BUDGETS, DISCOVERIES, after, counted, interval, mark_of, number, signed, tone_of_sign
 from reports.drawing.palette import INK, KNOWN, MUTED
 from reports.drawing.traces import Panel, Trace
-from reports.page.grid import EMPTY, Column, Entry, Grid
+from reports.page.grid import EMPTY, Column, Entry, Grid, without_empty_columns
 
 WIDEST = 1.6
 """The factor by which an axis may reach beyond the largest difference on either side of 0."""
@@ -132,14 +133,16 @@ def scene_words(scene: str) -> str:
 
 def effects_grid(effects: list[Effect]) -> Grid:
     labels = ("effect", "against", "scene", "metric", "budget")
-    figures = ("difference", "95 % interval", "simultaneous", "of", "detectable", "pairs", "unpaired")
+    figures = ("difference", "95 % interval", "simultaneous", "of")
     columns = [
         *(Column(label, numeric=False) for label in labels),
         *map(Column, figures),
+        Column("q", small="false discovery rate"),
+        *map(Column, ("detectable", "pairs", "unpaired")),
         Column("sign, size", numeric=False),
     ]
     rows = []
-    for effect in effects:
+    for effect, q in zip(effects, benjamini_hochberg([effect.p for effect in effects]), strict=True):
         metric = metric_of(effect.metric)
         unit = after(metric.unit) if effect.difference is not None else ""
         rows.append(
@@ -153,6 +156,7 @@ def effects_grid(effects: list[Effect]) -> Grid:
                 _interval(effect.interval, metric.digits),
                 _interval(effect.simultaneous, metric.digits),
                 Entry(str(effect.family), tone="muted", value=effect.family),
+                EMPTY if q is None else Entry(number(q, 3), value=q),
                 Entry(number(effect.smallest_detectable, metric.digits), value=effect.smallest_detectable),
                 Entry(str(effect.pairs), tone="muted", value=effect.pairs),
                 Entry(str(effect.unpaired), tone="fails" if effect.unpaired else "muted", value=effect.unpaired),
@@ -165,9 +169,9 @@ def effects_grid(effects: list[Effect]) -> Grid:
     note = (
         "The verdict comes from the simultaneous interval: in 95 % of repetitions, all intervals of a family hold the "
         "truth; “of” is the size of that family. “detectable”: the true difference whose sign a sample with this "
-        "spread finds in 80 % of repetitions."
+        f"spread finds in 80 % of repetitions. {DISCOVERIES}"
     )
-    return Grid(f"Every effect: {counted(len(effects), 'comparison')}", columns, rows, note=note)
+    return without_empty_columns(Grid(f"Every effect: {counted(len(effects), 'comparison')}", columns, rows, note=note))
 
 
 def _interval(pair: tuple[float, float] | None, digits: int) -> Entry:

@@ -108,8 +108,9 @@ def effects_of_table(
     effects = []
     for scene in ["all", *table]:
         family = together * family_of(metric, scene, len(table), metrics)
-        fields = judged(table, metric, family, scene).fields
-        effects.append(Effect(name, against, scene, metric, budget, family=family, note=note, **fields))
+        judgement = judged(table, metric, family, scene)
+        fields = judgement.fields | {"family": family, "note": note, "p": judgement.chosen.p}
+        effects.append(Effect(name, against, scene, metric, budget, **fields))
     return effects
 
 
@@ -137,9 +138,14 @@ def contrast_effects(
 
 
 def effects(
-    cells: list[CellRecord], method: str, against: str, where: str = "", budgets: tuple[Budget, ...] = BUDGETS
+    cells: list[CellRecord],
+    method: str,
+    against: str,
+    where: str = "",
+    budgets: tuple[Budget, ...] = BUDGETS,
+    together: int = 1,
 ) -> list[Effect]:
-    return contrast_effects(duel(method, against), cells, where, budgets, against=against)
+    return contrast_effects(duel(method, against), cells, where, budgets, together, against)
 
 
 def chosen(some: Iterable[Effect], **facts: str) -> list[Effect]:

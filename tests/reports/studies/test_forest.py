@@ -48,6 +48,14 @@ def test_parts_come_before_methods_and_single_scenes_only_in_the_table():
     assert len(effects_grid([*methods, *parts, *alone]).rows) == 5
 
 
+def test_the_table_has_a_false_discovery_rate_where_p_is_known():
+    """Benjamini and Hochberg by hand: of 0.01, 0.02, 0.5 the q are 3 × 0.01, 3 × 0.02 / 2, 0.5."""
+    grid = effects_grid([an_effect(0.1, p=p) for p in (0.02, 0.5, None, 0.01)])
+    place = [column.label for column in grid.columns].index("q")
+    assert [row[place].value for row in grid.rows] == [0.03, 0.5, None, 0.03]
+    assert all(column.label != "q" for column in effects_grid([an_effect(0.1)]).columns)
+
+
 def test_the_key_states_the_sizes_of_the_families():
     assert "each comparison stands for itself" in forest_key([an_effect(0.1, family=1)])
     for families, said in (([12], "12"), ([1, 12], "1 to 12")):

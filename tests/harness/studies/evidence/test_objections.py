@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import t
 
 from harness.plan.profiles import PROFILES
 from harness.records.cells import CellRecord
@@ -50,7 +51,13 @@ def test_each_objection_has_its_difference_and_the_amplifier_its_sentence(tmp_pa
         pair = f"{objection.words}: {objection.method} − {objection.against} is"
         assert any(words.startswith(pair) for words in others)
     truth = GAINS["qnerf"] - GAINS["nerf_released"]
-    assert effect(findings, "qnerf", "nerf_released").difference == pytest.approx(truth, abs=0.03)
+    found = effect(findings, "qnerf", "nerf_released")
+    assert found.difference == pytest.approx(truth, abs=0.03)
+    assert found.family == len(OBJECTIONS)
+    # of so many scenes Bonferroni's interval is wider by the ratio of two quantiles of t
+    own, wide = (np.ptp(ends) for ends in (found.interval, found.simultaneous))
+    quantiles = t.ppf([0.975, 1 - 0.025 / len(OBJECTIONS)], len(CLASSICS) - 1)
+    assert wide / own == pytest.approx(quantiles[1] / quantiles[0])
     assert len(table(findings, "taken_out").rows) == len(AMPLIFIERS) * len(CLASSICS)
 
 
