@@ -4,7 +4,7 @@ The verdicts are those of the run's comparisons; this module only words them. `n
 `nerf` with a bandwidth that reaches as far as φ: its gain is the effect of only the bandwidth.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from harness.records.cells import Budget, Comparison
@@ -13,7 +13,16 @@ from harness.verdicts.changes import Condition, change
 from harness.verdicts.headline_family import headline_budgets, is_headline
 from harness.verdicts.last_doubling import STILL_RISING, last_doublings
 from reports.data.load import Records
-from reports.data.outcome import Outcome, change_in_words, clause, clauses, doubts, on_few_scenes, size_words
+from reports.data.outcome import (
+    Outcome,
+    change_in_words,
+    clause,
+    clauses,
+    doubts,
+    none_shown,
+    on_few_scenes,
+    size_words,
+)
 from reports.data.scale import value_at
 from reports.data.table import average_of, cells_frame, shared_scenes
 from reports.data.wording import BUDGETS, counted, interval, listed, number, signed
@@ -64,12 +73,23 @@ def headline(records: Records) -> Headline:
     return Headline(title, [sentence for sentence in sentences if sentence], fought)
 
 
-def title_of(vs_baseline: Outcome | None, vs_control: Outcome | None, control: str | None = None) -> str:
-    """State the difference from the baseline at equal steps, and how much of it bandwidth explains. `control` is the
-    baseline with the bandwidth of φ, if it was run.
+def title_of(judged: Sequence[Outcome], baseline: str, control: str | None, how: str, more: Iterable[str] = ()) -> str:
+    """State the differences at equal steps of the first contender and, behind them, of others; then `how` they were
+    compared and what `more` must be known. Return an empty string without the first contender's difference from the
+    baseline. `control` is the baseline with the bandwidth of φ, if it was run.
     """
-    if vs_baseline is None:
+    first = {outcome.against: outcome for outcome in judged if outcome.method == judged[0].method}
+    if (vs_baseline := first.get(baseline)) is None:
         return ""
+    if not (words := none_shown(judged)):
+        others = clauses([outcome for outcome in judged if outcome.method != judged[0].method])
+        words = "; ".join(filter(None, [_of_first(vs_baseline, first.get(control or ""), control), others]))
+    words = words if words.startswith(vs_baseline.method) else words[0].upper() + words[1:]
+    return "; ".join([f"{words} ({how})", *filter(None, more)])
+
+
+def _of_first(vs_baseline: Outcome, vs_control: Outcome | None, control: str | None) -> str:
+    """State the difference from the baseline, and how much of it bandwidth explains."""
     difference = clause(vs_baseline)
     if control == vs_baseline.method and vs_baseline.verdict.sign == "above 0":
         return f"{difference}: bandwidth alone makes this difference"
@@ -100,24 +120,19 @@ def _title(records: Records, method: str, fought: list[Duel]) -> str:
         return f"{method} was not available: nothing can be said of it"
     if cells and lost == len(cells):
         return f"{method} did not finish a single run: nothing can be said of its quality"
-    judged = [outcome for duel in fought if (outcome := outcome_of(records, duel.steps))]
-    outcomes = {outcome.against: outcome for outcome in judged if outcome.method == method}
+    two = records.contenders[:2]
+    judged = [each for duel in fought if duel.method in two and (each := outcome_of(records, duel.steps))]
     losses = [words for name in (method, baseline) if (words := _lost(records, name))]
-    if losses and baseline not in outcomes:
+    compared = any((each.method, each.against) == (method, baseline) for each in judged)
+    if losses and not compared:
         return f"{' and '.join(losses)}: {method} and {baseline} cannot be compared"
-    title = title_of(outcomes.get(baseline), outcomes.get(control or ""), control)
-    title = title or f"No comparison of {method} with {baseline} could be made"
-    title = "; ".join(
-        filter(None, [title, clauses([each for each in judged if each.method in records.contenders[1:2]])])
-    )
-    how = ["at equal steps"] if any(duel.time for duel in fought) else []
-    if outcomes:
-        like = any(duel.steps and duel.steps.scenes_like_these for duel in fought)
-        how.append("on scenes like these" if like else "on these scenes")
-    gains = (row.gain for row in last_doublings(records.cells, [method, baseline]))
-    unfinished = [rising(gains)] if outcomes else []
-    title = title if title.startswith(method) else title[0].upper() + title[1:]
-    return "; ".join(filter(None, [f"{title} ({', '.join(how)})" if how else title, *unfinished, *losses]))
+    if not compared:
+        return f"No comparison of {method} with {baseline} could be made"
+    like = any(duel.steps and duel.steps.scenes_like_these for duel in fought)
+    how = ["at equal steps"] * any(duel.time for duel in fought)
+    how.append("on scenes like these" if like else "on these scenes")
+    more = rising(row.gain for row in last_doublings(records.cells, [method, baseline]))
+    return title_of(judged, baseline, control, ", ".join(how), [more, *losses])
 
 
 def rising(gains: Iterable[float | None]) -> str:

@@ -64,11 +64,24 @@ def clause(outcome: Outcome) -> str:
 
 
 def clauses(outcomes: Sequence[Outcome]) -> str:
-    """Return the clauses of several differences; a single clause if all of them are open."""
+    """Return the clauses of several differences; a single clause if nothing is known of all of them."""
+    return none_shown(outcomes) or "; ".join(map(clause, outcomes))
+
+
+def none_shown(outcomes: Sequence[Outcome]) -> str:
+    """Return `neither qnerf nor qnerf_repaired is shown to differ from nerf or nerf_matched, …` if sign and size are
+    open for every pair of these; else an empty string.
+    """
     if len(outcomes) < 2 or any(outcome.verdict != OPEN or on_few_scenes(outcome) for outcome in outcomes):
-        return "; ".join(map(clause, outcomes))
-    pairs = listed([f"{each.method} − {each.against} ({in_runs(each.differences)})" for each in outcomes])
-    return f"signs and sizes of {pairs} are open"
+        return ""
+    methods = list(dict.fromkeys(outcome.method for outcome in outcomes))
+    rivals = list(dict.fromkeys(outcome.against for outcome in outcomes))
+    if len(outcomes) < len(methods) * len(rivals):
+        return ""
+    who = f"neither {listed(methods, 'nor')} is" if len(methods) > 1 else f"{methods[0]} is not"
+    sizes = between_runs([difference for outcome in outcomes for difference in outcome.differences])
+    differ = f"{who} shown to differ from {listed(rivals, 'or')} ({sizes})"
+    return f"{differ}, and differences of {MARGIN} or more are not excluded"
 
 
 def size_words(verdict: Verdict) -> str:

@@ -12,7 +12,7 @@ from harness.records.json_record import as_promised
 from harness.records.metric_table import PRIMARY
 from harness.records.verdict import Verdict, common
 from reports.claims.headline import rising, title_of
-from reports.data.outcome import Outcome, clauses
+from reports.data.outcome import Outcome
 from tools.published.published_cells import Run
 
 BASELINE, CONTROL, FAVOURITE, REPAIRED = "nerf", "nerf_matched", "qnerf", "qnerf_repaired"
@@ -69,14 +69,12 @@ def answer(run: Run, replicates: Run) -> str:
         by_scene = tuple(known["difference"] for known in scenes if known)
         return Outcome(first, second, values, common(runs.verdicts), by_scene)
 
-    title = title_of(outcome_of(FAVOURITE, BASELINE), outcome_of(FAVOURITE, CONTROL), CONTROL)
-    if not title:
-        return str(run["headline"])
-    repaired = [outcome for rival in (BASELINE, CONTROL) if (outcome := outcome_of(REPAIRED, rival))]
-    title = "; ".join(filter(None, [title, clauses(repaired)]))
+    pairs = ((method, rival) for method in (FAVOURITE, REPAIRED) for rival in (BASELINE, CONTROL))
+    judged = [outcome for pair in pairs if (outcome := outcome_of(*pair))]
     gains = {gained["method"]: gained["gain"] for gained in run.get("last_doubling", [])}
     more = rising(gains.get(method) for method in (FAVOURITE, BASELINE))
-    return "; ".join(filter(None, [f"{title[0].upper()}{title[1:]} (at equal steps, on scenes like these)", more]))
+    title = title_of(judged, BASELINE, CONTROL, "at equal steps, on scenes like these", [more]) if judged else ""
+    return title or str(run["headline"])
 
 
 def replicate(run: Run) -> Run:
