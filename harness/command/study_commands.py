@@ -15,6 +15,7 @@ from harness.plan.names import known_names
 from scenes.files.errors import InputError
 
 if TYPE_CHECKING:
+    from harness.plan.run_plan import Machine
     from harness.studies.framework import Shelf, StudyContext
 
 
@@ -86,11 +87,13 @@ def _measure(
     options: argparse.Namespace,
     show: Progress,
     shelf: "Shelf",
-    context_in: "Callable[[Path], StudyContext]",
+    context: "Callable[..., StudyContext]",
+    machine: "Machine",
+    *own: object,
     afterwards: Callable[[Path], None] | None = None,
 ) -> int:
-    """Measure the studies that `options` name, in a locked folder; return the exit code. Raises `InputError`.
-    `context_in` makes the context for the folder; `afterwards` is called before the folder is unlocked.
+    """Measure the studies that `options` name, in a locked folder; return the exit code. Raises `InputError`. `context`
+    takes the fields of `StudyContext` and its `own`; `afterwards` is called before the folder is unlocked.
     """
     from harness.run_folder.folder_lock import locked_folder
     from harness.run_folder.output_folder import fresh_folder
@@ -101,7 +104,8 @@ def _measure(
     chosen = known_names("--studies", options.studies or list(shelf.studies), list(shelf.studies))
     out = options.out or fresh_folder(shelf.name, resume=False)
     with locked_folder(out):
-        code = run(shelf, [name for name in shelf.studies if name in chosen], context_in(out), options.resume)
+        made = context(out, options.view_sets, out, options.quick, show, machine, *own)
+        code = run(shelf, [name for name in shelf.studies if name in chosen], made, options.resume)
         if afterwards is not None:
             afterwards(out)
     show.line(f"{shelf.noun} in {out / shelf.file}")
@@ -120,12 +124,7 @@ def run_evidence(options: argparse.Namespace, show: Progress) -> int:
 
     device = chosen_device(options.device)
     machine = Machine(device.type, options.workers or (available_cores() if device.type == "cpu" else 1), 1)
-    as_planned = multiplies_bfloat16(device)
-
-    def context(out: Path) -> EvidenceContext:
-        return EvidenceContext(out, options.view_sets, out, options.quick, show, machine, as_planned)
-
-    return _measure(options, show, SHELF, context)
+    return _measure(options, show, SHELF, EvidenceContext, machine, multiplies_bfloat16(device))
 
 
 def run_frontier(options: argparse.Namespace, show: Progress) -> int:
@@ -164,11 +163,7 @@ def run_frontier(options: argparse.Namespace, show: Progress) -> int:
     amount = AMOUNTS["quick" if options.quick else "long" if options.long else "default"]
     amount = replace(amount, **{name: value for name, value in given.items() if value})
     machine, as_planned = Machine("cpu", available_cores(), 1), multiplies_bfloat16(chosen_device("cpu"))
-
-    def context(out: Path) -> FrontierContext:
-        return FrontierContext(out, options.view_sets, out, False, show, machine, as_planned, amount)
-
-    return _measure(options, show, SHELF, context)
+    return _measure(options, show, SHELF, FrontierContext, machine, as_planned, amount)
 
 
 def run_stability(options: argparse.Namespace, show: Progress) -> int:
@@ -183,11 +178,7 @@ def run_stability(options: argparse.Namespace, show: Progress) -> int:
 
     methods = known_names("--methods", options.methods or list(METHODS), list(CATALOG))
     machine = Machine("cpu", available_cores(), available_cores())
-
-    def context(out: Path) -> StabilityContext:
-        return StabilityContext(out, options.view_sets, out, options.quick, show, machine, methods)
-
-    return _measure(options, show, SHELF, context)
+    return _measure(options, show, SHELF, StabilityContext, machine, methods)
 
 
 def run_speed(options: argparse.Namespace, show: Progress) -> int:
@@ -205,14 +196,11 @@ def run_speed(options: argparse.Namespace, show: Progress) -> int:
     # the sizes of `quick` gain nothing from threads, which wait for each other on a busy machine
     machine = Machine(chosen_device(options.device).type, 1, 1 if options.quick else available_cores())
 
-    def context(out: Path) -> SpeedContext:
-        return SpeedContext(out, options.view_sets, out, options.quick, show, machine, seconds)
-
     def append_to_history(out: Path) -> None:
         if not options.quick:
             remember(options.history, out / SHELF.file, class_here(), show)
 
-    return _measure(options, show, SHELF, context, append_to_history)
+    return _measure(options, show, SHELF, SpeedContext, machine, seconds, afterwards=append_to_history)
 
 
 def run_serving(options: argparse.Namespace, show: Progress) -> int:
@@ -232,12 +220,8 @@ def run_serving(options: argparse.Namespace, show: Progress) -> int:
         known = " ".join(map(str, finished.run.seeds))
         raise InputError(f"--seed {options.seed}: the run does not have it; it has {known}")
     machine = Machine(chosen_device(options.device).type, 1, options.threads)
-
-    def context(out: Path) -> ServingContext:
-        own = finished, scenes, methods, options.seed, options.width
-        return ServingContext(out, options.view_sets, out, options.quick, show, machine, *own)
-
-    return _measure(options, show, SHELF, context)
+    own = finished, scenes, methods, options.seed, options.width
+    return _measure(options, show, SHELF, ServingContext, machine, *own)
 
 
 def run_conformance(options: argparse.Namespace, show: Progress) -> int:
