@@ -5,7 +5,6 @@ counts as equal attention, which leads to plain rendering.
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,15 +109,11 @@ def allocated_bins(attention: np.ndarray, rays: np.ndarray, bins: float, least: 
     return least + more
 
 
-class PhiEffect(NamedTuple):
-    sum_of_priorities: float
-    order_changed: bool
-    allocation_changed: bool
-
-
-def without_phi(attention: np.ndarray, rays: np.ndarray, bins: int, least: int = 1) -> PhiEffect:
-    """Measure whether order and allocation by P differ from those by the shares, which lack the factor."""
+def without_phi(attention: np.ndarray, rays: np.ndarray, bins: int, least: int = 1) -> tuple[float, bool, bool]:
+    """Return the sum of the priorities P, and whether the order of regions and the numbers of bins by P differ from
+    those by the shares, which lack the factor φ.
+    """
     with_it, without = priorities(attention), shares(attention)
     same_order = np.array_equal(region_order(with_it), region_order(without))
     bins_with, bins_without = (allocated_bins(each, rays, bins, least) for each in (with_it, without))
-    return PhiEffect(float(with_it.sum()), not same_order, not np.array_equal(bins_with, bins_without))
+    return float(with_it.sum()), not same_order, not np.array_equal(bins_with, bins_without)

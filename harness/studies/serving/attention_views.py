@@ -137,10 +137,9 @@ def priorities(context: ServingContext) -> Iterator[Found]:
     if not effects:
         yield NOTHING
         return
-    orders, allocations = (
-        sum(getattr(effect, f"{what}_changed") for effect in effects) for what in ("order", "allocation")
-    )
-    total = max((effect.sum_of_priorities for effect in effects), key=lambda value: abs(value - PHI))
+    sums, *changes = zip(*effects, strict=True)
+    orders, allocations = map(sum, changes)
+    total = max(sums, key=lambda value: abs(value - PHI))
     yield (
         f"The priorities sum to {total:.4g}, not to 1: they are not probabilities. Without φ, which scales all alike, "
         f"{orders} of {len(effects)} maps have another order of regions, and {allocations} another number of samples."
