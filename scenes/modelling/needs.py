@@ -70,9 +70,6 @@ PARTS: dict[str, Part] = {
 step. A part that no score depends on, or that is exact, has bound 0.
 """
 
-OF_TRAINING = ("every_bin", "outside_hull", "behind_matter", "background_rays")
-"""The parts whose need follows from training images and settings (`harness.plan.needed.needs_here`)."""
-
 BINS = 64
 """The bins of a ray through the box, for the τ per bin: the coarse pass of the original NeRF."""
 OPAQUE_TAU = -math.log(1e-4)

@@ -41,7 +41,7 @@ def _rows() -> list[dict[str, object]]:
 
 def test_a_file_its_rows_and_its_data_frame_are_judged_alike() -> None:
     frame = pd.read_csv(TABLE)
-    expected = judge(read_table([TABLE]), None, "nerf", {})
+    expected = judge(read_table([TABLE]), None, "nerf")
     for table in (TABLE, [str(TABLE)], frame, frame.to_dict("records")):
         assert rv.judge(table, baseline="nerf").given == expected.given
     assert rv.judge(TABLE, baseline="nerf").digests == {str(TABLE): file_digest(TABLE)}

@@ -20,7 +20,7 @@ REMEDY = "replace it in docs/judge.md by:\n"
 
 @cache
 def judged(name: str, baseline: str | None = None) -> JudgementRecord:
-    return judge(read_table([EXAMPLES / name]), None, baseline, {})
+    return judge(read_table([EXAMPLES / name]), None, baseline)
 
 
 def after(mark: str) -> str:

@@ -140,7 +140,7 @@ def view_cache(folder: Path, file: Path) -> None:
 
 
 def judged(folder: Path, file: Path) -> None:
-    record = judge(read_table([file]), None, None, {})
+    record = judge(read_table([file]), None, None)
     write_judgement(folder / "judgement.json", record)
     assert read_judgement(folder / "judgement.json") == record
 

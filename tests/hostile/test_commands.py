@@ -72,7 +72,7 @@ def test_a_table_as_programs_write_it(name: str, tmp_path: Path) -> None:
     table.write_text(READ[name], encoding="utf-8")
     results = read_table([table])
     assert (len(results.methods), len(results.scenes)) == (2, 3)
-    assert lines(judge(results, None, None, {}))
+    assert lines(judge(results, None, None))
 
 
 def replaced(file: str, make: Callable[[Path], Any]) -> Callable[[Path], Any]:

@@ -10,7 +10,7 @@ from scenes.catalog.ladders.ladders import LADDERS, Ladder
 from scenes.catalog.stress import scales
 from scenes.files.digest import digest_of
 from scenes.files.errors import InputError
-from scenes.modelling.needs import OF_TRAINING, PARTS, entries, left_out, needs
+from scenes.modelling.needs import PARTS, entries, left_out, needs
 from scenes.modelling.normalise import box_of, normalised
 from scenes.modelling.scene import Description, Scene
 from scenes.modelling.truth import pixel_means, pixel_rays
@@ -84,7 +84,8 @@ def test_its_meshes_are_valid(name: str) -> None:
 def test_its_needs_are_known(name: str) -> None:
     _, description = built(name)
     result = needs(description, np.array([[-1.0] * 3, [1.0] * 3]), pixel=0.03)
-    assert list(result) == [part for part in PARTS if part not in OF_TRAINING]
+    of_training = {"every_bin", "outside_hull", "behind_matter", "background_rays"}
+    assert list(result) == [part for part in PARTS if part not in of_training]
     assert {row["name"] for row in left_out(result)} == {
         "background_model", "outside_box", "empty_space", "behind_opaque", "participating_media", "scale_checks",
         "hdr_metrics",

@@ -64,14 +64,15 @@ def less(after: Estimated, before: Estimated) -> Estimated:
     return _estimated(after.mean - before.mean, np.sqrt(total), freedom, spread)
 
 
-def scene_medians(values: np.ndarray) -> np.ndarray:
-    """Return the medians over seeds [..., scenes], NaN for a scene without a value."""
+def medians(values: np.ndarray, axis: int = -1) -> np.ndarray:
+    """Return the medians of the finite values along an axis, NaN without one."""
     there = np.isfinite(values)
-    counts = there.sum(axis=-1, keepdims=True)
-    ordered = np.sort(np.where(there, values, np.inf), axis=-1)
-    low, high = (np.take_along_axis(ordered, place, axis=-1) for place in (np.maximum(counts - 1, 0) // 2, counts // 2))
+    counts = there.sum(axis=axis, keepdims=True)
+    ordered = np.sort(np.where(there, values, np.inf), axis=axis)
+    middle = (np.maximum(counts - 1, 0) // 2, counts // 2)
+    low, high = (np.take_along_axis(ordered, place, axis=axis) for place in middle)
     with np.errstate(invalid="ignore"):
-        return np.asarray(np.where(counts > 0, (low + high) / 2, np.nan)[..., 0])
+        return np.asarray(np.where(counts > 0, (low + high) / 2, np.nan).squeeze(axis))
 
 
 def _estimated(*parts: object) -> Estimated:

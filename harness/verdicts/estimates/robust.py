@@ -11,7 +11,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from harness.verdicts.estimates.nested import scene_medians
+from harness.verdicts.estimates.nested import medians
 
 LEVEL = 0.05
 OUTLIER_DEVIATIONS = 5.0
@@ -26,12 +26,12 @@ def robust_over_scenes(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.n
     """Return the robust mean over scenes of `values` [..., scenes, seeds], and the ends of its 95 % interval, [...],
     NaN for fewer than six scenes. Raises `ValueError` if tables lack different scenes.
     """
-    medians = scene_medians(values)
-    there = np.isfinite(medians)
+    of_scenes = medians(values)
+    there = np.isfinite(of_scenes)
     shared = there.reshape(-1, there.shape[-1])
     if (shared != shared[0]).any():
         raise ValueError("tables that lack different scenes cannot be estimated together")
-    return hodges_lehmann(medians[..., shared[0]])
+    return hodges_lehmann(of_scenes[..., shared[0]])
 
 
 def hodges_lehmann(units: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -14,6 +14,7 @@ from harness.records.judgements import JudgementRecord, Pair, Place, Ranking, Su
 from harness.records.metric_table import PRIMARY
 from harness.verdicts.estimates.max_t import LEAST_UNITS, letters, step_down_max_t, written
 from harness.verdicts.estimates.multiplicity import holm
+from harness.verdicts.estimates.nested import medians
 from harness.verdicts.statistics import (
     critical,
     decided,
@@ -200,12 +201,12 @@ def judge_rows(
     first, *more = [table_of(rows, metric, lower, methods) for metric in (metrics or (None,))]
     judged = {first.metric, *(table.metric for table in more)}
     left = [name for name in first.other_metrics if name not in judged]
-    others = [judge(replace(table, other_metrics=[]), None, baseline, {}) for table in more]
-    record = judge(replace(first, other_metrics=left), margin, baseline, {})
+    others = [judge(replace(table, other_metrics=[]), None, baseline) for table in more]
+    record = judge(replace(first, other_metrics=left), margin, baseline)
     return structs.replace(record, other_metrics=others)
 
 
-def judge(table: ResultTable, margin: float | None, baseline: str | None, digests: dict[str, str]) -> JudgementRecord:
+def judge(table: ResultTable, margin: float | None, baseline: str | None) -> JudgementRecord:
     """Judge a table; raises `InputError` for a baseline that is not in the table, and for an invalid margin."""
     if baseline is not None and baseline not in table.methods:
         raise InputError(f"--baseline {baseline}: no such method; methods of the table: {', '.join(table.methods)}")
@@ -231,7 +232,7 @@ def judge(table: ResultTable, margin: float | None, baseline: str | None, digest
         suspects=suspicious,
         given=ranking(table, margin, baseline),
         without_suspects=ranking(cleaned, margin, baseline) if cleaned else None,
-        digests=digests,
+        digests={},
         read_as=table.read_as,
     )
 
@@ -389,14 +390,14 @@ def suspects(table: ResultTable, margin: float) -> list[Suspect]:
     values = table.values
     if min(values.shape[:2]) < SMALLEST_FIT:
         return []
-    fit = polished(_median(values, 2))
+    fit = polished(medians(values, 2))
     residuals = values - fit[..., None]
     sizes = np.abs(residuals)
     methods, scenes = values.shape[:2]
     # the fit absorbs a part of the spread, which is large in a small table
     taken = ((methods - 1) * (scenes - 1) / (methods * scenes)) ** 0.5
-    of_method = _median(sizes.reshape(methods, -1), 1)[:, None, None]
-    of_scene = _median(sizes.transpose(1, 0, 2).reshape(scenes, -1), 1)[None, :, None]
+    of_method = medians(sizes.reshape(methods, -1), 1)[:, None, None]
+    of_scene = medians(sizes.transpose(1, 0, 2).reshape(scenes, -1), 1)[None, :, None]
     # of the table, or of method and scene together: the spread of only the method would hide most of its outliers
     spread = 1.4826 * np.maximum(np.nanmedian(sizes), np.sqrt(of_method * of_scene)) / taken
     limit = np.maximum(SUSPECT_DEVIATIONS * spread, SUSPECT_MARGINS * margin)
@@ -413,16 +414,9 @@ def polished(cells: np.ndarray) -> np.ndarray:
     """Return the expected value of each of `cells` [methods, scenes] by Tukey's median polish."""
     residuals = cells.copy()
     for _ in range(POLISHES):
-        residuals = residuals - _median(residuals, 1)[:, None]
-        residuals = residuals - _median(residuals, 0)[None]
+        residuals = residuals - medians(residuals, 1)[:, None]
+        residuals = residuals - medians(residuals, 0)[None]
     return np.asarray(cells - residuals)
-
-
-def _median(values: np.ndarray, axis: int) -> np.ndarray:
-    """Return `nanmedian`, without a warning if all values are missing."""
-    there = np.isfinite(values).any(axis=axis, keepdims=True)
-    medians = np.nanmedian(np.where(there, values, 0.0), axis=axis, keepdims=True)
-    return np.asarray(np.where(there, medians, np.nan).squeeze(axis))
 
 
 def without(table: ResultTable, suspicious: list[Suspect]) -> ResultTable | None:

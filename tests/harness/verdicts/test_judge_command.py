@@ -35,7 +35,7 @@ def collapsed() -> np.ndarray:
 
 @pytest.fixture
 def record() -> JudgementRecord:
-    return judge(table_of(collapsed()), None, None, {"t.csv": "0" * 64})
+    return replace(judge(table_of(collapsed()), None, None), digests={"t.csv": "0" * 64})
 
 
 def test_a_table_gives_a_table_a_record_and_a_page(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
@@ -66,7 +66,7 @@ def test_metrics_are_judged_each_by_itself_on_one_page(tmp_path: Path, capfd: py
     assert "not judged here" not in said
     both = read_judgement(tmp_path / "out" / JUDGEMENT_FILE)
     (other,) = both.other_metrics
-    assert other.given == judge(read_table([path], "lpips loss"), None, None, {}).given
+    assert other.given == judge(read_table([path], "lpips loss"), None, None).given
     assert [place.origin for place in both.given.places] == ["paper"] * 3
     page = (tmp_path / "out" / "judgement.html").read_text(encoding="utf-8")
     assert 'id="metric-2"' in page
@@ -125,16 +125,16 @@ def test_the_page_shows_every_method_pair_and_suspect(record: JudgementRecord) -
 def test_a_picture_leaves_out_what_would_have_its_axis_to_itself(record: JudgementRecord) -> None:
     values = drawn(0, methods=8)
     values[3] -= 25
-    limits = panel(judge(table_of(values), None, None, {})).x_limits
+    limits = panel(judge(table_of(values), None, None)).x_limits
     assert limits
     assert limits[0] > values[3].mean()
     assert panel(record).x_limits is None
-    rows = panel(judge(table_of(values), None, None, {})).rows
+    rows = panel(judge(table_of(values), None, None)).rows
     assert rows[7] == f"m3 ({values[3].mean():.2f})"
 
 
 def test_against_a_baseline_the_page_has_no_groups_and_no_matrix() -> None:
-    result = judge(table_of(drawn(0, effect=0.5)), None, "m0", {})
+    result = judge(table_of(drawn(0, effect=0.5)), None, "m0")
     page = judgement_page(result)
     assert 'id="pairs"' not in page
     assert "minus m0" in page
@@ -145,4 +145,5 @@ def test_names_from_a_table_run_nothing() -> None:
     hostile = "<script>alert(1)</script>"
     table = table_of(drawn(0, methods=3))
     table.methods[0] = table.scenes[0] = hostile
-    assert hostile not in judgement_page(judge(table, None, None, {hostile: hostile}))
+    record = replace(judge(table, None, None), digests={hostile: hostile})
+    assert hostile not in judgement_page(record)

@@ -139,7 +139,7 @@ def test_pairs_are_compared_on_the_scenes_that_both_have() -> None:
     values = drawn(2, methods=3)
     values[0, 0] = values[1, 1] = np.nan
     values[2, 2:] = np.nan
-    result = judge(table_of(values), None, None, {})
+    result = judge(table_of(values), None, None)
     pairs = {frozenset((pair.method, pair.against)): pair for pair in result.given.pairs}
     first = pairs[frozenset(("m0", "m1"))]
     sign = 1 if first.method == "m0" else -1
@@ -167,7 +167,7 @@ def test_a_mean_is_adjusted_for_missing_scenes_by_least_squares() -> None:
 def test_a_collapsed_cell_is_found_and_judged_with_and_without() -> None:
     values = drawn(0, methods=5, effect=1.0)
     values[2, 6] -= 20
-    result = judge(table_of(values), None, None, {})
+    result = judge(table_of(values), None, None)
     (each,) = result.suspects
     assert (each.method, each.scene, each.value) == ("m2", "s6", values[2, 6])
     assert each.value - each.expected == pytest.approx(-20, abs=1.5)
@@ -198,7 +198,7 @@ def test_small_tables_and_tables_of_equal_numbers_are_judged() -> None:
     two.values[0, 0] = 3.0
     assert suspects(two, 0.2) == [], "with two methods it is unknown which is the outlier"
     assert without(two, []) is None
-    equal: JudgementRecord = judge(table_of(np.full((3, 4), 30.0)), None, None, {})
+    equal: JudgementRecord = judge(table_of(np.full((3, 4), 30.0)), None, None)
     assert [pair.verdict for pair in equal.given.pairs] == [Verdict("open", "smaller than matters")] * 3
     assert all(pair.on_these_scenes is None and pair.scenes_like_these for pair in equal.given.pairs), "without seeds"
     assert equal.suspects == []

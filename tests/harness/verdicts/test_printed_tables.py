@@ -91,8 +91,8 @@ def test_every_printed_form_gives_the_same_table_and_judgement(form: str, tmp_pa
     assert (table.metric, table.higher_is_better) == ("psnr", True)
     assert table.read_as.startswith("Read as 3 methods × 4 scenes, psnr ↑")
     assert ("left out" in table.read_as) == (form != "latex")
-    expected = judge(read(tmp_path, "expected.csv", WIDE), None, None, {})
-    assert [pair.verdict for pair in judge(table, None, None, {}).given.pairs] == [
+    expected = judge(read(tmp_path, "expected.csv", WIDE), None, None)
+    assert [pair.verdict for pair in judge(table, None, None).given.pairs] == [
         pair.verdict for pair in expected.given.pairs
     ]
 
@@ -203,14 +203,14 @@ def with_seeds(ours: list[str], theirs: list[str]) -> str:
 
 
 def test_seeds_are_numbers_and_methods_with_other_seeds_are_compared_by_their_means(tmp_path: Path) -> None:
-    result = judge(read(tmp_path, "t.csv", with_seeds(["0", "1", "2"], ["42", "43", "44"])), None, None, {})
+    result = judge(read(tmp_path, "t.csv", with_seeds(["0", "1", "2"], ["42", "43", "44"])), None, None)
     (pair,) = result.given.pairs
     assert (pair.scenes, pair.verdict.phrase) == (6, "above 0, matters")
     assert pair.on_these_scenes is None
     assert any("their means over seeds are compared" in note for note in result.notes)
     same = read(tmp_path, "t.csv", with_seeds(["0", "1", "2"], ["0", "1.0", "2.0"]))
     assert same.seeds == ["0", "1", "2"]
-    assert judge(same, None, None, {}).given.pairs[0].on_these_scenes
+    assert judge(same, None, None).given.pairs[0].on_these_scenes
     large = read(tmp_path, "t.csv", with_seeds(["20260001", "20260002"], ["42"]))
     assert {"20260001", "20260002"} <= set(large.seeds)
 
@@ -232,7 +232,7 @@ def test_only_the_methods_that_are_asked_for_are_judged_together(tmp_path: Path)
     (tmp_path / "t.csv").write_text(WIDE)
     table = read_table([tmp_path / "t.csv"], methods=["3DGS", "Ours"])
     assert table.methods == ["3DGS", "Ours"]
-    assert judge(table, None, None, {}).given.family == 1
+    assert judge(table, None, None).given.family == 1
     assert read_table([tmp_path / "t.csv"], methods=["3DGS", "Ours", "3DGS"]).methods == table.methods
     with pytest.raises(InputError, match="--methods NeRF: no such method; methods of the table: Ours, 3DGS"):
         read_table([tmp_path / "t.csv"], methods=["NeRF", "Ours"])

@@ -159,4 +159,4 @@ def test_a_change_of_independent_estimates_is_welchs() -> None:
 
 def test_medians_over_seeds_leave_out_what_is_missing() -> None:
     values = np.array([[3.0, 1.0, 2.0], [4.0, math.nan, 1.0], [math.nan] * 3, [7.0, math.nan, math.nan]])
-    np.testing.assert_array_equal(nested.scene_medians(values), [2.0, 2.5, math.nan, 7.0])
+    np.testing.assert_array_equal(nested.medians(values), [2.0, 2.5, math.nan, 7.0])
