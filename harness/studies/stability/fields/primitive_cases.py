@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterator
 from functools import partial
+from itertools import product
 
 import torch
 from torch import Tensor
@@ -139,12 +140,10 @@ def _slopes(values: Tensor) -> dict[str, float]:
     leaf = values.clone().requires_grad_()
     (gradient,) = torch.autograd.grad(loss(leaf), leaf)
     slopes = torch.zeros_like(values)
-    for row in range(len(values)):
-        for column in range(values.shape[1]):
-            moved = [values.clone(), values.clone()]
-            for some, sign in zip(moved, (1.0, -1.0), strict=True):
-                some[row, column] += sign * STEP
-            slopes[row, column] = (loss(moved[0]) - loss(moved[1])) / (2.0 * STEP)
+    for place in product(*map(range, values.shape)):
+        step = torch.zeros_like(values)
+        step[place] = STEP
+        slopes[place] = (loss(values + step) - loss(values - step)) / (2.0 * STEP)
     return {
         name: float((gradient - slopes)[:, low:high].abs().max() / slopes[:, low:high].abs().max())
         for name, (low, high) in PARTS.items()
