@@ -3,21 +3,18 @@
 import json
 import re
 from collections.abc import Callable, Sequence
-from functools import cache
 from pathlib import Path
 from statistics import fmean
 from typing import Any
 
 import pytest
 
-from harness.records.former.four_words import in_two_words
 from harness.records.json_record import plain
 from harness.records.study import Answer, Table, check, read_studies
 from harness.records.verdict import OPEN, Verdict
 from tests.harness.shell import ROOT
 from tests.reports.fake_studies import fake_studies, study, write_fake_studies
 from tools.published.__main__ import BLOCKS, MARKED, block, main, pages, rewritten
-from tools.published.published_cells import judged_again
 from tools.published.replicates import replicate
 from tools.published.run_blocks import DUELS
 
@@ -72,11 +69,7 @@ def test_a_measured_number_is_known_by_its_look(text: str) -> None:
     assert not MEASURED.search("8 × 256, 100 × 100 px, 200 000 steps, exit code 3, §8, eight scenes")
 
 
-@cache
-def as_judged() -> str:
-    """Return the summary of the default run, judged with the present functions."""
-    text = (ROOT / "docs" / "reduced" / "summary.json").read_text(encoding="utf-8")
-    return json.dumps(judged_again(in_two_words(json.loads(text))))
+PUBLISHED_RUN = ROOT / "docs" / "reduced" / "summary.json"
 
 
 def written(docs: Path, name: str, data: dict[str, Any]) -> Path:
@@ -89,7 +82,7 @@ def changed(
     docs: Path, change: Callable[[dict[str, Any]], None] = lambda data: None, name: str = "reduced/summary.json"
 ) -> Path:
     """Write the default run with a change, and return the folder."""
-    data = json.loads(as_judged())
+    data = json.loads(PUBLISHED_RUN.read_text(encoding="utf-8"))
     change(data)
     return written(docs, name, data)
 
@@ -130,7 +123,7 @@ def with_replicates(folder: Path, published: Verdict, replicates: Sequence[Verdi
 
     runs = []
     for verdict, difference in zip(replicates, differences, strict=True):
-        data = json.loads(as_judged())
+        data = json.loads(PUBLISHED_RUN.read_text(encoding="utf-8"))
         judge(data, verdict, difference)
         runs.append(replicate(data))
     default = changed(folder, lambda data: judge(data, published, PUBLISHED))
@@ -318,7 +311,8 @@ def test_a_late_verdict_stands_beside_the_early_one(tmp_path: Path) -> None:
     assert "1000 steps of 512 rays, SOAP | 4000 steps of 512 rays, Adam" in told[0]
     rows = {line.split(" | ")[0]: line.split(" | ") for line in told[2:]}
     early, late = rows["| `nerf`, mean of 8 scenes"][1:]
-    psnr = [cell["psnr"] for cell in json.loads(as_judged())["cells"] if cell["method"] == "nerf"]
+    published = json.loads(PUBLISHED_RUN.read_text(encoding="utf-8"))
+    psnr = [cell["psnr"] for cell in published["cells"] if cell["method"] == "nerf"]
     assert (early.split()[0], late) == (f"{fmean(psnr):.2f}", "32.50 dB, 200 core s |")
     duels = [line for line in told if line.startswith("| `nerf_matched` − `nerf`")]
     early, late = duels[0].split(" | ")[1:]

@@ -11,13 +11,11 @@ import json
 import re
 import sys
 from collections.abc import Callable
-from functools import lru_cache
 from pathlib import Path
 
-from harness.records.former.four_words import in_two_words
 from harness.records.study import Studies, read_studies
 from tools.published import run_blocks, search_blocks, study_blocks
-from tools.published.published_cells import Run, judged_again
+from tools.published.published_cells import Run
 
 RUN = ("reduced/summary.json",)
 REPLICATES = "reduced/replicates.json?"
@@ -74,17 +72,8 @@ def block(name: str, docs: Path) -> str:
 def _published(path: Path) -> Run | Studies:
     if not path.is_file():
         return {}
-    text = path.read_text(encoding="utf-8")
-    data: Run = json.loads(text)
-    if "studies" in data:
-        return read_studies(path)
-    return _judged(text) if "comparisons" in data and "cells" in data else in_two_words(data)
-
-
-@lru_cache(maxsize=16)
-def _judged(text: str) -> Run:
-    """Return a summary as the present functions judge its cells, cached for all blocks."""
-    return judged_again(in_two_words(json.loads(text)))
+    data: Run = json.loads(path.read_text(encoding="utf-8"))
+    return read_studies(path) if "studies" in data else data
 
 
 def pages(root: Path) -> list[Path]:

@@ -71,7 +71,7 @@ def answer(run: Run, replicates: Run) -> str:
 
     pairs = ((method, rival) for method in (FAVOURITE, REPAIRED) for rival in (BASELINE, CONTROL))
     judged = [outcome for pair in pairs if (outcome := outcome_of(*pair))]
-    gains = {gained["method"]: gained["gain"] for gained in run.get("last_doubling", [])}
+    gains = {gained["method"]: gained["gain"] for gained in run["last_doubling"]}
     more = rising(gains.get(method) for method in (FAVOURITE, BASELINE))
     title = title_of(judged, BASELINE, CONTROL, "at equal steps, on scenes like these", [more]) if judged else ""
     return title or str(run["headline"])

@@ -179,11 +179,7 @@ def second_run(run: Run, other: Run, replicates: Run) -> str:
 
 
 def _change_between(run: Run, other: Run, methods: list[str]) -> str:
-    """Judge the change between two runs, if each has the constants that suit it or both have the same."""
-    constants = [[density_of(each, method) for method in methods] for each in (run, other)]
-    same = constants[0] == constants[1]
-    if not same and any(start == ONE_FOR_ALL for each in constants for _, start in each):
-        return OTHER_CONSTANTS
+    same = all(density_of(run, method) == density_of(other, method) for method in methods)
     first, second = (condition_of(each, methods) for each in (run, other))
     change = changed(run, first, second, "from the first column to the second")
     return change if same else f"{change}\n\n{OWN_CONSTANTS}"
@@ -229,28 +225,15 @@ def further(run: Run) -> str:
     return table((f"on {scene}", "what it is", f"− `{BASELINE}`, 95 % on this scene"), rows) if rows else ""
 
 
-OTHER_CONSTANTS = (
-    "Units of density and starts of the fields are not the same in both columns, so the change from one to the other "
-    "is not judged."
-)
 OTHER_PROCESSORS = "The columns are of different processors: compare core seconds only inside a column."
 RUNS_APART = "The two runs are of different processors, which alone move scores."
 OWN_CONSTANTS = "In each column, every method has the constants that a search chose at the column's own scale."
-ONE_FOR_ALL = "one for all"
-"""The start of all methods of a run from before each method had a separate start."""
 
 
-def density_of(run: Run, method: str) -> tuple[float, float | str | None]:
-    """Return unit of density and start of a method; older runs state no start."""
-    own = run["settings"]["train"].get("own", {}).get(method)
-    return (own["density_scale"], own["start"]) if own else (unit_of(run, method), ONE_FOR_ALL)
-
-
-def unit_of(run: Run, method: str) -> float:
-    settings = run["settings"]
-    if "density_units" in settings:  # a run from before it was a setting of the training
-        return float(settings["density_units"][method]["scale"])
-    return float(settings["train"]["own"][method]["density_scale"])
+def density_of(run: Run, method: str) -> tuple[float, float | None]:
+    """Return unit of density and start of a method."""
+    own = run["settings"]["train"]["own"][method]
+    return own["density_scale"], own["start"]
 
 
 def ceiling(run: Run, late: Run) -> str:
@@ -263,7 +246,7 @@ def ceiling(run: Run, late: Run) -> str:
         ]
         ends = [f"{number(min(values), 0)} to {number(max(values), 0)}" for values in densities]
         ranges.append(f"`{method}` {ends[0]} early and {ends[1]} late")
-        units = [unit_of(side, method) for side in (run, late)]
+        units = [density_of(side, method)[0] for side in (run, late)]
         shares = [value / unit for values, unit in zip(densities, units, strict=True) for value in values]
         if max(shares) <= 1.001:
             reached = sum(share >= 0.99 for share in shares)
@@ -291,7 +274,7 @@ def limits(*runs: Run) -> str:
 
 
 def failed(run: Run) -> str:
-    rates = run.get("failures", {}).get("rates", [])
+    rates = run["failures"]["rates"]
     lost = [
         f"`{rate['method']}` in {rate['diverged'] + rate['collapsed']} of {counted(rate['runs'], 'run')} "
         f"(95 % interval {' to '.join(number(100 * end, 0) for end in rate['interval'])} %)"
@@ -300,7 +283,7 @@ def failed(run: Run) -> str:
     ]
     if lost:
         return f"Diverged or showed background alone: {listed(lost)}; differences are of the others."
-    return f"None of {sum(rate['runs'] for rate in rates)} runs diverged or showed background alone." if rates else ""
+    return f"None of {sum(rate['runs'] for rate in rates)} runs diverged or showed background alone."
 
 
 def ledger(run: Run) -> str:
@@ -311,13 +294,13 @@ def ledger(run: Run) -> str:
 
 def doubling(run: Run) -> str:
     """State the gain of each method from the last doubling of the steps, and the cost of training."""
-    rows = {gained["method"]: gained for gained in run.get("last_doubling", [])}
+    rows = {gained["method"]: gained for gained in run["last_doubling"]}
     named = [
         f"`{method}` {signed(rows[method]['gain'])} dB ({between(rows[method]['interval'])})"
         for method in main_methods(run)
         if method in rows and rows[method]["gain"] is not None
     ]
-    spent = [cell.get("train_core_seconds") for cell in run["cells"] if cell["method"] == BASELINE]
+    spent = [cell["train_core_seconds"] for cell in run["cells"] if cell["method"] == BASELINE]
     known = [seconds for seconds in spent if seconds is not None]
     cost = f" A cell of `{BASELINE}` takes {fmean(known):.0f} core seconds of training." if known else ""
     return f"The last doubling of the steps brought {listed(named)}.{cost}" if named else ""
