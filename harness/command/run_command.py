@@ -16,6 +16,8 @@ from harness.machine.cores import physical_cores
 from scenes.files.errors import InputError
 
 if TYPE_CHECKING:
+    import torch
+
     from harness.plan.run_plan import Machine, Plan
     from harness.records.cells import CellRecord
 
@@ -39,31 +41,17 @@ TENSORBOARD: Options = {"run": option("output folder of a run, finished or not",
 
 
 def run_run(options: argparse.Namespace, show: Progress) -> int:
-    from msgspec import structs
-
     from harness.execution.run import run
-    from harness.plan.names import known_names
     from harness.records.cells import read_cells
     from harness.run_folder.output_folder import claimed, fresh_folder, latest_folder, point_latest_to
-    from harness.verdicts.claim_files import claims_of
     from harness.verdicts.last_doubling import in_words, last_doublings
 
     if options.tensorboard:
         from harness.run_folder.board import require_tensorboard
 
         require_tensorboard("--tensorboard")
-    plan, device = planned_by(options, show.line)
-    if options.baseline is not None:
-        known_names("--baseline", [options.baseline], list(plan.methods))
-        plan = replace(plan, roles=structs.replace(plan.roles, baseline=options.baseline))
-    plan = replace(plan, claims=tuple(claims_of(plan.all_methods(), plan.scenes, options.claims, options.claim)))
     out = options.out or fresh_folder(options.profile, options.resume)
-    if options.lpips is not None:
-        plan = _with_lpips(plan, options, out)
-    if options.verify_omissions and len(plan.seeds) < LEAST_SEEDS:
-        raise InputError(
-            f"--verify-omissions: {len(plan.seeds)} seeds are too few for an interval; --seeds {LEAST_SEEDS} or more"
-        )
+    plan, device = _planned(options, out, show)
     machine = chosen_machine(options, device, len(plan.groups()), show.line)
     say: Callable[[str], None] = print if options.dry_run else show.line
     for line in plan_lines(plan, machine, physical_cores()):
@@ -100,6 +88,27 @@ def run_run(options: argparse.Namespace, show: Progress) -> int:
     outcome = ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))
     show.line(f"{outcome}; records in {out / 'records'}")
     return code
+
+
+def _planned(options: argparse.Namespace, out: Path, show: Progress) -> "tuple[Plan, torch.device]":
+    """Return the plan with its roles, claims and LPIPS, and its device. Raises `InputError`."""
+    from msgspec import structs
+
+    from harness.plan.names import known_names
+    from harness.verdicts.claim_files import claims_of
+
+    plan, device = planned_by(options, show.line)
+    if options.baseline is not None:
+        known_names("--baseline", [options.baseline], list(plan.methods))
+        plan = replace(plan, roles=structs.replace(plan.roles, baseline=options.baseline))
+    plan = replace(plan, claims=tuple(claims_of(plan.all_methods(), plan.scenes, options.claims, options.claim)))
+    if options.lpips is not None:
+        plan = _with_lpips(plan, options, out)
+    if options.verify_omissions and len(plan.seeds) < LEAST_SEEDS:
+        raise InputError(
+            f"--verify-omissions: {len(plan.seeds)} seeds are too few for an interval; --seeds {LEAST_SEEDS} or more"
+        )
+    return plan, device
 
 
 def _with_lpips(plan: "Plan", options: argparse.Namespace, out: Path) -> "Plan":
