@@ -162,7 +162,8 @@ def run(shelf: Shelf, asked: list[str], context: StudyContext, resume: bool) -> 
             show.line(f"[{place + 1}/{len(missing)}] {info.id}: {info.question or info.title}")
             began = time.monotonic()
             findings = measure(shelf.measure_of(info.id)(here), show)
-            entry = StudyRecord(with_bar(info, findings), here.scale(study), findings, time.monotonic() - began)
+            scale = _with_commit(here.scale(study), record, context.device)
+            entry = StudyRecord(with_bar(info, findings), scale, findings, time.monotonic() - began)
             studies = sorted([*record.studies, entry], key=lambda done: list(shelf.studies).index(done.info.id))
             record = msgspec.structs.replace(record, studies=studies)
             write_studies(path, record)
@@ -227,6 +228,16 @@ def list_lines(shelf: Shelf) -> list[str]:
         f"{name:18} {study.seconds / 60:4.0f} min  " + ": ".join(filter(None, (study.info.title, asks[name])))
         for name, study in shelf.studies.items()
     ]
+
+
+def _with_commit(scale: str, record: Studies, device: "torch.device") -> str:
+    """Return a study's scale with the commit at which it was measured, if a resumed record began at another."""
+    from harness.machine.provenance import provenance
+
+    commit = str(provenance(device)["commit"])
+    if commit == record.provenance.get("commit") or commit in scale:
+        return scale
+    return ". ".join(filter(None, (scale, f"Measured at commit {commit}")))
 
 
 def _claimed(shelf: Shelf, context: StudyContext, resume: bool) -> Studies:

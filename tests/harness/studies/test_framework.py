@@ -18,6 +18,7 @@ from harness.studies.stability.cases import SHELF as STABILITY
 from harness.studies.stability.stability_context import METHODS, StabilityContext
 from scenes.files.errors import DamagedRecord
 from tests.harness.shell import refused
+from tests.replacing import replace
 from tests.reports.fake_studies import fake_studies
 
 ALL = (EVIDENCE, STABILITY, SPEED)
@@ -102,6 +103,17 @@ def test_a_stopped_run_keeps_complete_studies_and_is_resumed_with_the_same_optio
     others = ("--quiet", "--quick", "--plain-seconds", "7", "--resume", "--out", tmp_path / "out")
     assert "other options" in refused(capsys, *others, command="speed")
     assert done(tmp_path / "out") == ["2", "5", "6"]
+
+
+def test_a_study_of_a_resumed_record_names_its_own_commit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scripted(monkeypatch)
+    run(tmp_path / "out", "2")
+    record = read_studies(path := tmp_path / "out/speed.json")
+    write_studies(path, replace(record, provenance={**record.provenance, "commit": "of another"}))
+    run(tmp_path / "out", "2", "5", resume=True)
+    first, second = read_studies(path).studies
+    assert not first.scale
+    assert second.scale == f"Measured at commit {record.provenance['commit']}"
 
 
 @pytest.mark.parametrize(("owner", "code"), [("ours", 3), ("paper", 0), ("usual", 0), ("machine", 0)])
