@@ -45,7 +45,7 @@ BLOCKS: dict[str, tuple[tuple[str, ...], Callable[..., str]]] = {
     ),
     "environment": (("environment.json",), study_blocks.environment),
     "evidence": (("reduced/evidence.json",), study_blocks.evidence),
-    "objections": (("objections.json",), study_blocks.objections),
+    "objections": (("reduced/evidence.json",), study_blocks.objections),
     "collapse": (("collapse.json",), study_blocks.collapse),
     "frontier": (("frontier/frontier.json",), study_blocks.frontier),
     "families": (("frontier/families.json",), study_blocks.families),

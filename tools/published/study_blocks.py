@@ -18,8 +18,8 @@ from tools.published.run_blocks import table, target
 
 OPAQUE = 0.995
 SIZES = (100, 400, 800)
-LEADING = {"calibration": 4}
-"""Study of the evidence → how many of its answers are stated, if more than the first."""
+LEADING = {"calibration": 4, "objections": 0}
+"""Study of the evidence → how many of its answers are stated, if not the first; `objections` has a block of its own."""
 FRONTIER_PICTURE = "![Error against core seconds of training](frontier/frontier.png)"
 
 
@@ -27,9 +27,9 @@ def evidence(record: Studies) -> str:
     """State the answer of each study and the failing checks."""
     checks, broken = list(record.checks()), record.broken
     answers = [
-        f"* **{study.info.title}** {' '.join(study.answers[: LEADING.get(study.info.id, 1)])}"
+        f"* **{study.info.title}** {' '.join(stated)}"
         for study in record.studies
-        if study.answers
+        if (stated := study.answers[: LEADING.get(study.info.id, 1)])
     ]
     lost = "; ".join(f"{check.what} ({study.info.title})" for study, check in broken)
     hold = f"{len(checks) - len(broken)} of {len(checks)} checks hold{'; not: ' if broken else ''}{lost}."
