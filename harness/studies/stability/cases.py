@@ -75,8 +75,8 @@ CASES: dict[str, Study] = catalogue(
     _case("O4", "Badly conditioned matrices", "fields.optimiser_cases:conditioned", 5,
           "a quadratic loss of a 32 × 32 matrix, curvature from 1 to 1e-6 along either side, along no axis",
           "bases drift off orthogonal, signs and order follow rounding", "the same steps in float64"),
-    _case("O5", "A training in float64", "fields.optimiser_cases:float64_twin", 120,
-          "small trainings and their twins in float64, from the same weights, batches and draws",
+    _case("O5", "A training in float64", "fields.float64_twin:float64_twin", 120, "small trainings and their twins in "
+          "float64, from the same weights, batches and draws",
           "rounding decides the result", "the twin"),
     _case("G1", "Gaussians", "fields.primitive_cases:gaussians", 10, "one of 1e-4 to 1 of the box, from 2 to 200 "
           "away; a disc edge-on; a ball beside the camera; 400 in another order; an opacity that rounds to 1",

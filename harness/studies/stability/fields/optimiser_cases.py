@@ -1,9 +1,7 @@
-"""O1, O2, O4 and O5: half precision of weights and optimiser, a spike of the gradient, badly conditioned matrices, and
-trainings and their twins in float64, with the same weights, batches and random draws.
-"""
+"""O1, O2 and O4: half precision of weights and optimiser, a spike of the gradient, badly conditioned matrices."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import accumulate
 from typing import Any
@@ -11,7 +9,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from baselines.contract import Box, Precision
+from baselines.contract import Precision
 from baselines.numerics.amplifier import amplify_about_mean, softplus_density
 from baselines.numerics.encoding import encode
 from baselines.numerics.optimisers import OPTIMISERS, Optimiser, OptimiserName, optimiser_of
@@ -21,29 +19,12 @@ from harness.plan.schedule import Budget, learning_rate
 from harness.plan.seeds import generator_for
 from harness.records.study import Check, Owner, Series, Table, check
 from harness.studies.framework import Found, Rows
-from harness.studies.stability.fields.small_training import (
-    CPU,
-    STREAM,
-    History,
-    new_trainer,
-    psnr_of,
-    setup,
-    train,
-    trained,
-    with_parts,
-)
-from harness.studies.stability.stability_context import (
-    StabilityContext,
-    error_of,
-    none_of,
-    not_judged,
-    owner_of_method,
-)
-from harness.training.batches import Batch
+from harness.studies.stability.fields.small_training import CPU, STREAM, new_trainer, setup, train, trained
+from harness.studies.stability.stability_context import StabilityContext, error_of, none_of, not_judged
 from harness.training.learner import Job, steps
 from harness.training.lockstep import box_of, needs_view_direction
 from harness.training.make_learner import NotAvailable, drjit_backend, learner_for
-from harness.training.trainer import Diverged, Trainer
+from harness.training.trainer import Diverged
 
 HALF: dict[Precision, torch.dtype] = {"bfloat16": torch.bfloat16, "float16": torch.float16}
 METHOD = "nerf"
@@ -295,59 +276,3 @@ def _rotation(number: int) -> Tensor:
     values = torch.randn(SIDE, SIDE, dtype=torch.float64, generator=generator_for("rotation", number))
     rotation: Tensor = torch.linalg.qr(values).Q
     return rotation
-
-
-COMPARED = (1, 10, 40, 100, 300)
-"""The steps after which losses are compared."""
-
-
-def float64_twin(context: StabilityContext) -> Iterator[Found]:
-    methods, others = with_parts(context)
-    here = setup(context)
-    rows: Rows = []
-    first: list[float] = []
-    for method in methods:
-        twin = train(context, in_dtype(new_trainer(context, method), torch.float64), batch_at=doubled(context))
-        single = trained(context, method)
-        reached = len(single.losses)
-        apart = (_difference(single, twin, step) if step <= reached else None for step in COMPARED)
-        rows.append([method, *apart])
-        first.append(_difference(single, twin, 1))
-        change = abs(psnr_of(single.trainer, here.views) - psnr_of(in_dtype(twin.trainer, torch.float32), here.views))
-        what = f"test PSNR apart after {here.steps} steps, dB"
-        yield check(what, change, high=0.5, subject=method, owner=owner_of_method(method))
-    yield from others
-    if methods:
-        what = "largest relative difference of the first loss, float32 against float64"
-        yield check(what, max(first), high=1e-6, subject="the same weights, batch and draws")
-    heads = ["method", *(f"after {step} steps" for step in COMPARED)]
-    title = "Loss of a step's batch, relative difference from a training in float64"
-    yield Table("float64 twin", 5, title, heads, rows)
-
-
-def in_dtype(trainer: Trainer, dtype: torch.dtype) -> Trainer:
-    """Convert weights, box and grid of the trainer, but not its optimiser, to a dtype; return the trainer."""
-    box = Box(trainer.box.lower.to(dtype), trainer.box.upper.to(dtype), trainer.box.hull)
-    trainer.fields.to(dtype)
-    trainer.box, trainer.background = box, trainer.background.to(dtype)
-    field: Any
-    for field in trainer.fields.values():
-        field.box, field.dtype = box, dtype
-    if trainer.grid is not None:
-        trainer.grid.box, trainer.grid.density = box, trainer.grid.density.to(dtype)
-    return trainer
-
-
-def doubled(context: StabilityContext) -> Callable[[int], Batch]:
-    here = setup(context)
-    batch_at = here.batches.stream(STREAM, here.settings.rays)
-
-    def doubled_at(step: int) -> Batch:
-        batch = batch_at(step)
-        return batch._replace(rays=batch.rays.to(torch.float64), colours=batch.colours.double())
-
-    return doubled_at
-
-
-def _difference(history: History, twin: History, step: int) -> float:
-    return abs(history.losses[step - 1] / twin.losses[step - 1] - 1.0)

@@ -14,6 +14,7 @@ from baselines.numerics.optimisers import OPTIMISERS
 from harness.records.study import Check, Series, Table
 from harness.studies.stability.fields import (
     amplifier_cases,
+    float64_twin,
     fresh_fields,
     optimiser_cases,
     small_training,
@@ -61,10 +62,10 @@ def test_a_method_without_these_parts_is_not_applicable_and_says_why(tmp_path: P
 
 def test_a_twin_in_float64_differs_from_its_training_only_by_rounding(context: StabilityContext) -> None:
     def in_double(count: int | None, offset: int) -> small_training.History:
-        trainer = optimiser_cases.in_dtype(small_training.new_trainer(context, "qnerf"), torch.float64)
+        trainer = float64_twin.in_dtype(small_training.new_trainer(context, "qnerf"), torch.float64)
         return small_training.train(context, trainer, count, lambda step: doubled(step + offset))
 
-    doubled = optimiser_cases.doubled(context)
+    doubled = float64_twin.doubled(context)
     twin = in_double(None, offset=0)
     assert {weight.dtype for weight in twin.trainer.fields.parameters()} == {torch.float64}
     single = small_training.train(context, small_training.new_trainer(context, "qnerf"))
