@@ -162,7 +162,7 @@ def run(shelf: Shelf, asked: list[str], context: StudyContext, resume: bool) -> 
             show.line(f"[{place + 1}/{len(missing)}] {info.id}: {info.question or info.title}")
             began = time.monotonic()
             findings = measure(shelf.measure_of(info.id)(here), show)
-            scale = _with_commit(here.scale(study), record, context.device)
+            scale = _with_commit(here.scale(study), record)
             entry = StudyRecord(with_bar(info, findings), scale, findings, time.monotonic() - began)
             studies = sorted([*record.studies, entry], key=lambda done: list(shelf.studies).index(done.info.id))
             record = msgspec.structs.replace(record, studies=studies)
@@ -230,14 +230,13 @@ def list_lines(shelf: Shelf) -> list[str]:
     ]
 
 
-def _with_commit(scale: str, record: Studies, device: "torch.device") -> str:
+def _with_commit(scale: str, record: Studies) -> str:
     """Return a study's scale with the commit at which it was measured, if a resumed record began at another."""
-    from harness.machine.provenance import provenance
+    from harness.machine.provenance import commit
 
-    commit = str(provenance(device)["commit"])
-    if commit == record.provenance.get("commit") or commit in scale:
+    if (here := commit()) == record.provenance.get("commit") or here in scale:
         return scale
-    return ". ".join(filter(None, (scale, f"Measured at commit {commit}")))
+    return ". ".join(filter(None, (scale, f"Measured at commit {here}")))
 
 
 def _claimed(shelf: Shelf, context: StudyContext, resume: bool) -> Studies:

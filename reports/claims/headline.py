@@ -73,19 +73,21 @@ def headline(records: Records) -> Headline:
     return Headline(title, [sentence for sentence in sentences if sentence], fought)
 
 
-def title_of(judged: Sequence[Outcome], baseline: str, control: str | None, how: str, more: Iterable[str] = ()) -> str:
-    """State the differences at equal steps of the first contender and, behind them, of others; then `how` they were
-    compared and what `more` must be known. Return an empty string without the first contender's difference from the
-    baseline. `control` is the baseline with the bandwidth of φ, if it was run.
+def title_of(
+    judged: Sequence[Outcome], method: str, baseline: str, control: str | None, how: str, more: Iterable[str] = ()
+) -> str:
+    """State the differences of `method` at equal steps and, behind them, those of others; then `how` they were compared
+    and what `more` must be known. `control` is the baseline with the bandwidth of φ, if it was run.
     """
-    first = {outcome.against: outcome for outcome in judged if outcome.method == judged[0].method}
-    if (vs_baseline := first.get(baseline)) is None:
-        return ""
-    if not (words := none_shown(judged)):
-        others = clauses([outcome for outcome in judged if outcome.method != judged[0].method])
-        words = "; ".join(filter(None, [_of_first(vs_baseline, first.get(control or ""), control), others]))
-    words = words if words.startswith(vs_baseline.method) else words[0].upper() + words[1:]
-    return "; ".join([f"{words} ({how})", *filter(None, more)])
+    first = {outcome.against: outcome for outcome in judged if outcome.method == method}
+    if baseline in first:
+        start = _of_first(first[baseline], first.get(control or ""), control)
+    else:
+        start = f"No comparison of {method} with {baseline} could be made"
+    others = clauses([outcome for outcome in judged if outcome.method != method])
+    words = (none_shown(judged) if baseline in first else "") or "; ".join(filter(None, [start, others]))
+    words = words if words.startswith(method) else words[0].upper() + words[1:]
+    return "; ".join(filter(None, [f"{words} ({how})" if how else words, *more]))
 
 
 def _of_first(vs_baseline: Outcome, vs_control: Outcome | None, control: str | None) -> str:
@@ -126,13 +128,12 @@ def _title(records: Records, method: str, fought: list[Duel]) -> str:
     compared = any((each.method, each.against) == (method, baseline) for each in judged)
     if losses and not compared:
         return f"{' and '.join(losses)}: {method} and {baseline} cannot be compared"
-    if not compared:
-        return f"No comparison of {method} with {baseline} could be made"
-    like = any(duel.steps and duel.steps.scenes_like_these for duel in fought)
-    how = ["at equal steps"] * any(duel.time for duel in fought)
-    how.append("on scenes like these" if like else "on these scenes")
-    more = rising(row.gain for row in last_doublings(records.cells, [method, baseline]))
-    return title_of(judged, baseline, control, ", ".join(how), [more, *losses])
+    how, more = ["at equal steps"] * any(duel.time for duel in fought), losses
+    if compared:
+        like = any(duel.steps and duel.steps.scenes_like_these for duel in fought)
+        how.append("on scenes like these" if like else "on these scenes")
+        more = [rising(row.gain for row in last_doublings(records.cells, [method, baseline])), *losses]
+    return title_of(judged, method, baseline, control, ", ".join(how), more)
 
 
 def rising(gains: Iterable[float | None]) -> str:

@@ -6,6 +6,7 @@ from types import NoneType
 
 from harness.records.study import Table
 from reports.data.selection import Selection
+from reports.data.wording import number
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,11 @@ class Grid:
 
 
 EMPTY = Entry("–", tone="muted")
+Q_COLUMN = Column("q", small="false discovery rate")
+
+
+def q_entry(q: float | None) -> Entry:
+    return EMPTY if q is None else Entry(number(q, 3), value=q)
 
 
 def without_empty_columns(grid: Grid, always: int = 0) -> Grid:

@@ -34,7 +34,7 @@ from reports.data.wording import (
     signed,
     significant,
 )
-from reports.page.grid import EMPTY, Column, Entry, Grid, without_empty_columns
+from reports.page.grid import EMPTY, Q_COLUMN, Column, Entry, Grid, q_entry, without_empty_columns
 
 
 def metrics_grid(records: Records) -> Grid:
@@ -72,7 +72,7 @@ def comparisons_grid(records: Records) -> Grid:
     """Tabulate every comparison of the run, with the smallest true difference whose sign it would have found."""
     names = ("scene", "method − against", "metric", "at equal")
     columns = [Column(name, numeric=False) for name in names]
-    columns += [Column("difference"), Column("q", small="false discovery rate")]
+    columns += [Column("difference"), Q_COLUMN]
     columns += [Column("smallest detectable"), Column("pairs")]
     rows = []
     adjusted = benjamini_hochberg([comparison.p for comparison in records.comparisons])
@@ -85,7 +85,7 @@ def comparisons_grid(records: Records) -> Grid:
                 Entry(metric.label),
                 Entry(BUDGETS[comparison.budget].removeprefix("equal ")),
                 difference_entry(comparison),
-                EMPTY if q is None else Entry(number(q, 3), value=q),
+                q_entry(q),
                 Entry(number(least, metric.digits_of_difference), value=least),
                 Entry(str(comparison.pairs), value=comparison.pairs),
             ]

@@ -9,7 +9,7 @@ from harness.verdicts.estimates.multiplicity import benjamini_hochberg
 from reports.data.wording import BUDGETS, DISCOVERIES, after, counted, interval, mark_of, number, signed, tone_of_sign
 from reports.drawing.palette import INK, KNOWN, MUTED
 from reports.drawing.traces import Panel, Trace
-from reports.page.grid import EMPTY, Column, Entry, Grid, without_empty_columns
+from reports.page.grid import EMPTY, Q_COLUMN, Column, Entry, Grid, q_entry, without_empty_columns
 
 WIDEST = 1.6
 """The factor by which an axis may reach beyond the largest difference on either side of 0."""
@@ -137,7 +137,7 @@ def effects_grid(effects: list[Effect]) -> Grid:
     columns = [
         *(Column(label, numeric=False) for label in labels),
         *map(Column, figures),
-        Column("q", small="false discovery rate"),
+        Q_COLUMN,
         *map(Column, ("detectable", "pairs", "unpaired")),
         Column("sign, size", numeric=False),
     ]
@@ -156,7 +156,7 @@ def effects_grid(effects: list[Effect]) -> Grid:
                 _interval(effect.interval, metric.digits),
                 _interval(effect.simultaneous, metric.digits),
                 Entry(str(effect.family), tone="muted", value=effect.family),
-                EMPTY if q is None else Entry(number(q, 3), value=q),
+                q_entry(q),
                 Entry(number(effect.smallest_detectable, metric.digits), value=effect.smallest_detectable),
                 Entry(str(effect.pairs), tone="muted", value=effect.pairs),
                 Entry(str(effect.unpaired), tone="fails" if effect.unpaired else "muted", value=effect.unpaired),
@@ -169,8 +169,9 @@ def effects_grid(effects: list[Effect]) -> Grid:
     note = (
         "The verdict comes from the simultaneous interval: in 95 % of repetitions, all intervals of a family hold the "
         "truth; “of” is the size of that family. “detectable”: the true difference whose sign a sample with this "
-        f"spread finds in 80 % of repetitions. {DISCOVERIES}"
+        "spread finds in 80 % of repetitions."
     )
+    note += f" {DISCOVERIES}" if any(effect.p is not None for effect in effects) else ""
     return without_empty_columns(Grid(f"Every effect: {counted(len(effects), 'comparison')}", columns, rows, note=note))
 
 

@@ -27,7 +27,7 @@ from reports.drawing.figure import padded, plots
 from reports.drawing.palette import INK, KNOWN, MUTED
 from reports.drawing.traces import Panel, Trace
 from reports.page import shell
-from reports.page.grid import EMPTY, Column, Entry, Grid, without_empty_columns
+from reports.page.grid import EMPTY, Q_COLUMN, Column, Entry, Grid, q_entry, without_empty_columns
 from reports.page.shell import Layout, section
 from scenes.files.atomic import write_atomically
 
@@ -61,7 +61,7 @@ def methods_grid(record: JudgementRecord, ranking: Ranking, caption: str = FROM_
         Column("best", small="probability"),
         Column(f"minus {rival}", small="on scenes like these"),
         Column("sign, size", numeric=False),
-        Column("q", small="false discovery rate"),
+        Q_COLUMN,
         Column("detectable gap"),
         Column("scenes to settle"),
         Column(f"minus {rival}", small="on these scenes"),
@@ -84,7 +84,7 @@ def methods_grid(record: JudgementRecord, ranking: Ranking, caption: str = FROM_
                 Entry(shown_best(place), value=place.best) if place.best is not None else EMPTY,
                 difference(record, pair, estimate),
                 Entry(estimate.verdict.phrase, tone=tone(record, estimate.verdict)) if estimate else EMPTY,
-                Entry(f"{q[pair]:.3f}", value=q[pair]) if pair in q else EMPTY,
+                q_entry(q.get(pair)),
                 Entry(number(record, least), value=least) if least is not None else EMPTY,
                 Entry(str(pair.scenes_to_settle), value=pair.scenes_to_settle)
                 if pair and pair.scenes_to_settle

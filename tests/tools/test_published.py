@@ -44,8 +44,7 @@ def test_every_contender_has_its_clause_and_one_that_was_not_run_has_none() -> N
     clauses = ["qnerf gains 0.50 dB over nerf", "qnerf_repaired gains 0.50 dB over nerf, more"]
     assert all(words in title for words in [*clauses, "qnerf_repaired gains 0.50 dB over nerf_matched, more"])
     assert "repaired" not in answer(made_up(*PAIRS[:2]), {})
-    assert answer(made_up(*PAIRS[2:]), {}).startswith("qnerf_repaired gains 0.50 dB over nerf")
-    assert answer(made_up(), {}) == "nothing"
+    assert answer(made_up(*PAIRS[2:]), {}) == "nothing"
 
 
 def test_words_that_a_replicate_does_not_repeat_are_not_said() -> None:

@@ -73,8 +73,9 @@ def answer(run: Run, replicates: Run) -> str:
     judged = [outcome for pair in pairs if (outcome := outcome_of(*pair))]
     gains = {gained["method"]: gained["gain"] for gained in run["last_doubling"]}
     more = rising(gains.get(method) for method in (FAVOURITE, BASELINE))
-    title = title_of(judged, BASELINE, CONTROL, "at equal steps, on scenes like these", [more]) if judged else ""
-    return title or str(run["headline"])
+    if not any((each.method, each.against) == (FAVOURITE, BASELINE) for each in judged):
+        return str(run["headline"])
+    return title_of(judged, FAVOURITE, BASELINE, CONTROL, "at equal steps, on scenes like these", [more])
 
 
 def replicate(run: Run) -> Run:

@@ -43,9 +43,8 @@ def objections(context: EvidenceContext) -> Iterator[Found]:
     every: list[Effect] = []
     for objection in OBJECTIONS:
         where = "" if objection.training == "objections" else "without silhouettes"
-        own = effects(
-            runs[objection.training].cells, objection.method, objection.against, where, together=len(OBJECTIONS)
-        )
+        trained = runs[objection.training].cells
+        own = effects(trained, objection.method, objection.against, where, together=len(OBJECTIONS))
         every += own
         for effect in chosen(own, scene="all"):
             yield f"{objection.words}: {objection.method} − {objection.against} is {in_words(effect)} at equal steps."

@@ -82,7 +82,7 @@ def test_a_clause_has_sign_and_size(difference: Outcome, words: str) -> None:
 )  # fmt: skip
 def test_the_control_follows_the_baseline(vs_control: Outcome | None, words: str) -> None:
     judged = [each for each in (outcome(MORE, 0.81), vs_control) if each]
-    assert title_of(judged, "nerf", "nerf_matched", "here") == f"{clause(judged[0])}{words} (here)"
+    assert title_of(judged, "qnerf", "nerf", "nerf_matched", "here") == f"{clause(judged[0])}{words} (here)"
 
 
 def test_if_nothing_is_known_of_any_pair_one_clause_says_so() -> None:
@@ -90,8 +90,8 @@ def test_if_nothing_is_known_of_any_pair_one_clause_says_so() -> None:
     four = [*both, *(replace(each, method="other") for each in both)]
     open_size = "and differences of 0.2 dB or more are not excluded"
     shown = f"shown to differ from nerf or nerf_matched (−0.30 to +0.14 dB), {open_size}"
-    assert title_of(both, "nerf", "nerf_matched", "here", ["", "lost"]) == f"qnerf is not {shown} (here); lost"
-    assert title_of(four, "nerf", "nerf_matched", "here") == f"Neither qnerf nor other is {shown} (here)"
+    assert title_of(both, "qnerf", "nerf", "nerf_matched", "here", ["", "lost"]) == f"qnerf is not {shown} (here); lost"
+    assert title_of(four, "qnerf", "nerf", "nerf_matched", "here") == f"Neither qnerf nor other is {shown} (here)"
     few = outcome(OPEN, -3.0, by_scene=(-2.0, -4.0))
     for others in (both[:1], (few, both[1]), (outcome(SMALL, 0.0), both[1]), four[:3]):
         assert clauses(others) == "; ".join(map(clause, others))
@@ -100,8 +100,10 @@ def test_if_nothing_is_known_of_any_pair_one_clause_says_so() -> None:
 def test_a_gain_of_the_control_itself_is_that_of_bandwidth() -> None:
     gain = replace(outcome(MORE, 0.3), method="nerf_matched")
     alone = f"{clause(gain)}: bandwidth alone makes this difference (here)"
-    assert title_of([gain], "nerf", "nerf_matched", "here") == alone
-    assert title_of([gain], "other", None, "here") == ""
+    assert title_of([gain], "nerf_matched", "nerf", "nerf_matched", "here") == alone
+    lost = "No comparison of qnerf with nerf could be made"
+    assert title_of([gain], "qnerf", "nerf", None, "here") == f"{lost}; {clause(gain)} (here)"
+    assert title_of([], "qnerf", "nerf", None, "") == lost
 
 
 RISING = "; training was not finished (twice the steps brought 0.3 dB)"
