@@ -86,7 +86,7 @@ def run_run(options: argparse.Namespace, show: Progress) -> int:
         show.line(in_words(row))
     counts = Counter(cell.status for cell in cells)
     outcome = ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))
-    show.line(f"{outcome}; records in {out / 'records'}")
+    show.line(f"{outcome}; records in {out / 'records'}; `radiance-verdict report {out}` writes the page")
     return code
 
 

@@ -86,6 +86,8 @@ def question(records: Records, claims: list[Claim]) -> str:
         if file.id == STATED and len(file.claims) == 1:
             (claim,) = file.claims
             return f"Does it hold that {claim.statement} is {own[claim.id]}?"
+        if file.id == STATED:
+            return f"Do {len(file.claims)} stated claims hold?"
     baseline, contenders = records.baseline, records.contenders
     if not contenders:
         return f"How does {baseline} do?"
@@ -117,12 +119,17 @@ def guests(records: Records) -> str:
 
 def how_sure(records: Records, evidence: Studies | None) -> list[str]:
     """State the interval of the answer, its power, and how often the comparer itself errs."""
-    sentences, contenders = [], records.contenders
-    row = records.comparison("all", contenders[0], records.baseline) if contenders else None
+    sentences = []
+    stated = [pair for file in records.run.claims or [] if file.id == STATED for pair in file.pairs]
+    pairs = stated or [(name, records.baseline) for name in records.contenders]
+    row = records.comparison("all", *pairs[0]) if pairs else None
     if row is not None and row.difference is not None:
         like, here = row.scenes_like_these, row.on_these_scenes
-        sense = SENSES["scenes_like_these" if like else "on_these_scenes"]
-        sentences.append(f"{difference_in_words(row, records.scenes, records.run.seeds)}. The verdict is {sense}.")
+        sense = (
+            f"The {'interval' if stated else 'verdict'} is {SENSES['scenes_like_these' if like else 'on_these_scenes']}"
+        )
+        claim = "; the claim is judged on only these scenes" * bool(stated and like)
+        sentences.append(f"{difference_in_words(row, records.scenes, records.run.seeds)}. {sense}{claim}.")
         if like and here is not None and here.simultaneous is not None:
             known = f"{between(here.simultaneous)} dB ({here.verdict.phrase})"
             sentences.append(f"On only these scenes, the interval is {known}.")

@@ -7,11 +7,14 @@ The verdicts are those of the run's comparisons; this module only words them. `n
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from harness.records.cells import Budget, Comparison
+from harness.records.cells import Comparison
+from harness.records.claims import STATED
 from harness.records.verdict import phrase_with
 from harness.verdicts.changes import Condition, change
-from harness.verdicts.headline_family import headline_budgets, is_headline
+from harness.verdicts.headline_family import is_headline
 from harness.verdicts.last_doubling import STILL_RISING, last_doublings
+from reports.claims.claim_list import claims, tally
+from reports.claims.table import LOOKS, measured_entry, printed_text
 from reports.data.load import Records
 from reports.data.outcome import (
     Outcome,
@@ -19,15 +22,17 @@ from reports.data.outcome import (
     clause,
     clauses,
     doubts,
+    is_on_few_scenes,
     none_shown,
-    on_few_scenes,
     size_words,
 )
 from reports.data.scale import value_at
 from reports.data.table import average_of, cells_frame, shared_scenes
-from reports.data.wording import BUDGETS, counted, interval, listed, number, signed
+from reports.data.wording import BUDGETS, UNTESTED, counted, interval, listed, number, signed
 
 LOST = ("diverged", "error")
+ANSWERS = {"holds": "Yes", "fails": "No", "": "Open", "muted": "Not tested"}
+"""The tone of a claim's verdict → the answer to whether it holds."""
 FURTHER = 2
 
 
@@ -47,15 +52,9 @@ class Headline:
     duels: list[Duel]
 
 
-def budgets_of(records: Records) -> tuple[Budget, ...]:
-    """Return the budgets of the headline: equal steps, and equal core seconds if they were counted."""
-    return headline_budgets([row.budget for row in records.comparisons])
-
-
 def duels(records: Records) -> list[Duel]:
-    budgets = budgets_of(records)
     return [
-        Duel(method, rival, *(records.comparison("all", method, rival, budget=budget) for budget in budgets))
+        Duel(method, rival, *(records.comparison("all", method, rival, budget=budget) for budget in records.budgets))
         for method in records.contenders
         for rival in records.rivals
         if method != rival
@@ -63,14 +62,39 @@ def duels(records: Records) -> list[Duel]:
 
 
 def headline(records: Records) -> Headline:
-    if not records.contenders:
-        return Headline(f"Only {records.baseline} was run: there is nothing to compare it with", [], [])
-    method, fought = records.contenders[0], duels(records)
-    title = _title(records, method, fought)
-    sentences = [_means(records), _others(records, fought), _bandwidth(records, method)]
-    sentences += from_steps_to_time(records, method)
-    sentences += [words for duel in fought for row in (duel.steps, duel.time) for words in doubts(row)]
+    """Answer the claims that the user states, if there are any; else compare the first two contenders."""
+    fought = duels(records)
+    sentences: list[str] = []
+    if records.contenders:
+        method = records.contenders[0]
+        title = _title(records, method, fought)
+        sentences += [_means(records), _others(records, fought), _bandwidth(records, method)]
+        sentences += from_steps_to_time(records, method)
+        sentences += [words for duel in fought for row in (duel.steps, duel.time) for words in doubts(row)]
+    else:
+        title = f"Only {records.baseline} was run: there is nothing to compare it with"
+    if answer := _answer(records):
+        title, sentences = answer, [f"{title}.", *sentences]
     return Headline(title, [sentence for sentence in sentences if sentence], fought)
+
+
+def _answer(records: Records) -> str:
+    """State whether the claims of `--claim` hold: that of a single claim with its figures."""
+    files = [file for file in records.run.claims or [] if file.id == STATED]
+    judged = [claim for claim in claims(records) if claim.file == STATED] if files else []
+    if not judged:
+        return ""
+    if len(judged) > 1:
+        return f"Of {len(judged)} stated claims, {listed([f'{many} {verdict}' for verdict, many in tally(judged)])}"
+    (claim,), (about,) = judged, (entry.of for entry in files[0].claims)
+    names = [about[role] for role in ("method", "against") if role in about]
+    figures = measured_entry(claim)
+    known = f"{claim.statement} is {figures.text} {figures.small}".rstrip()
+    if claim.measured is None:
+        known = f"this would {claim.note}" if claim.verdict == UNTESTED else claim.note
+    words = f"{ANSWERS[LOOKS[claim.verdict][1]]}: {known}; claimed: {printed_text(claim)}"
+    more = [rising(row.gain for row in last_doublings(records.cells, names)), *(_lost(records, name) for name in names)]
+    return "; ".join(filter(None, [words, *more]))
 
 
 def title_of(
@@ -84,8 +108,11 @@ def title_of(
         start = _of_first(first[baseline], first.get(control or ""), control)
     else:
         start = f"No comparison of {method} with {baseline} could be made"
-    others = clauses([outcome for outcome in judged if outcome.method != method])
-    words = (none_shown(judged) if baseline in first else "") or "; ".join(filter(None, [start, others]))
+    others = [outcome for outcome in judged if outcome.method != method]
+    if baseline in first and is_on_few_scenes(first[baseline]):
+        words = clauses([first[baseline], *others])
+    else:
+        words = (none_shown(judged) if baseline in first else "") or "; ".join(filter(None, [start, clauses(others)]))
     words = words if words.startswith(method) else words[0].upper() + words[1:]
     return "; ".join(filter(None, [f"{words} ({how})" if how else words, *more]))
 
@@ -95,7 +122,7 @@ def _of_first(vs_baseline: Outcome, vs_control: Outcome | None, control: str | N
     difference = clause(vs_baseline)
     if control == vs_baseline.method and vs_baseline.verdict.sign == "above 0":
         return f"{difference}: bandwidth alone makes this difference"
-    if vs_control is None or (vs_baseline.verdict.sign == "open" and on_few_scenes(vs_baseline)):
+    if vs_control is None:
         return difference
     same = f"{vs_control.against}, which has the same bandwidth,"
     if vs_control.verdict.sign == "open":
@@ -131,7 +158,8 @@ def _title(records: Records, method: str, fought: list[Duel]) -> str:
     how, more = ["at equal steps"] * any(duel.time for duel in fought), losses
     if compared:
         like = any(duel.steps and duel.steps.scenes_like_these for duel in fought)
-        how.append("on scenes like these" if like else "on these scenes")
+        if not all(map(is_on_few_scenes, judged)):
+            how.append("on scenes like these" if like else "on these scenes")
         more = [rising(row.gain for row in last_doublings(records.cells, [method, baseline])), *losses]
     return title_of(judged, method, baseline, control, ", ".join(how), more)
 
@@ -190,7 +218,7 @@ def from_steps_to_time(records: Records, method: str) -> list[str]:
     """State how each difference of `method` changes from equal steps to equal time, judged as a change together with
     those of all pairs of the headline.
     """
-    steps, time = budgets_of(records)
+    steps, time = records.budgets
     pairs = [(duel.method, duel.against) for duel in duels(records) if duel.method == method]
     before, after = Condition(records.cells, steps), Condition(records.cells, time)
     family = sum(is_headline(row.scene, row.metric, row.budget, (steps,)) for row in records.comparisons)

@@ -8,7 +8,6 @@ from harness.records.metric_table import metric_of
 from harness.records.verdict import phrase_with
 from harness.verdicts.estimates.multiplicity import benjamini_hochberg
 from harness.verdicts.last_doubling import LastDoubling, last_doublings
-from reports.claims.headline import budgets_of
 from reports.data.load import Records
 from reports.data.outcome import robust_in_words
 from reports.data.selection import Selection, behind_difference
@@ -139,7 +138,7 @@ def differences_grids(records: Records) -> list[Grid]:
     for method in records.contenders:
         pairs = [
             (rival, budget)
-            for budget in budgets_of(records)
+            for budget in records.budgets
             for rival in records.rivals
             if any(records.comparison(scene, method, rival, budget=budget) for scene in [*records.scenes, "all"])
         ]

@@ -13,6 +13,7 @@ from typing import TypeVar
 from msgspec import structs
 
 from harness.records.cells import (
+    Budget,
     CellRecord,
     Comparison,
     RunRecord,
@@ -27,6 +28,7 @@ from harness.records.json_record import REMEDY
 from harness.records.targets import TARGETS_FILE, TargetsRecord, read_targets
 from harness.verdicts.claim_files import claims_of, usual_roles
 from harness.verdicts.comparisons import compare
+from harness.verdicts.headline_family import headline_budgets
 from scenes.files.errors import DamagedRecord, shown
 
 Value = TypeVar("Value")
@@ -97,6 +99,11 @@ class Records:
     def contenders(self) -> list[str]:
         """Return the tested methods; the headline is about the first."""
         return self.run.roles.among(self.methods).contenders(self.methods)
+
+    @property
+    def budgets(self) -> tuple[Budget, ...]:
+        """Return the budgets of the headline: equal steps, and equal core seconds if they were counted."""
+        return headline_budgets([row.budget for row in self.comparisons])
 
     @property
     def failed(self) -> list[CellRecord]:

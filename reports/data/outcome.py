@@ -57,22 +57,30 @@ def shared(differences: Sequence[float], verdicts: Sequence[Verdict]) -> str:
 
 def clause(outcome: Outcome) -> str:
     """Return `qnerf gains 0.14 dB over nerf, less than the 0.2 dB that matter`."""
+    if is_on_few_scenes(outcome):
+        return f"{_measured(outcome)}; {_too_few(outcome)}"
     if outcome.verdict.sign == "open":
-        return on_few_scenes(outcome) or _open(outcome)
+        return _open(outcome)
     verb = "gains {} over" if outcome.verdict.sign == "above 0" else "loses {} to"
     return f"{outcome.method} {verb.format(outcome.size)} {outcome.against}{size_words(outcome.verdict)}"
 
 
 def clauses(outcomes: Sequence[Outcome]) -> str:
-    """Return the clauses of several differences; a single clause if nothing is known of all of them."""
-    return none_shown(outcomes) or "; ".join(map(clause, outcomes))
+    """Return the clauses of several differences; a single clause if nothing is known of all of them. That the scenes
+    are few comes once, after what was measured on them.
+    """
+    if words := none_shown(outcomes):
+        return words
+    few = [outcome for outcome in outcomes if is_on_few_scenes(outcome)]
+    known = [clause(outcome) for outcome in outcomes if outcome not in few]
+    return "; ".join([*known, *map(_measured, few), *dict.fromkeys(map(_too_few, few))])
 
 
 def none_shown(outcomes: Sequence[Outcome]) -> str:
     """Return `neither qnerf nor qnerf_repaired is shown to differ from nerf or nerf_matched, …` if sign and size are
     open for every pair of these; else an empty string.
     """
-    if len(outcomes) < 2 or any(outcome.verdict != OPEN or on_few_scenes(outcome) for outcome in outcomes):
+    if len(outcomes) < 2 or any(outcome.verdict != OPEN or is_on_few_scenes(outcome) for outcome in outcomes):
         return ""
     methods = list(dict.fromkeys(outcome.method for outcome in outcomes))
     rivals = list(dict.fromkeys(outcome.against for outcome in outcomes))
@@ -99,20 +107,26 @@ def _open(outcome: Outcome) -> str:
     return f"{start}, and so is whether it reaches the {MARGIN} that matter"
 
 
-def on_few_scenes(outcome: Outcome) -> str:
-    """State what was measured on scenes that are too few for a sign; empty if they are not few."""
+def is_on_few_scenes(outcome: Outcome) -> bool:
+    """Return whether the sign is open in a run of so few scenes that it had to be."""
+    single = len(outcome.differences) == 1
+    return outcome.verdict.sign == "open" and single and 1 < len(outcome.by_scene) <= FEW_SCENES
+
+
+def _measured(outcome: Outcome) -> str:
+    """Return `planes is 3.10 dB above nerf on both scenes`."""
     many = len(outcome.by_scene)
-    if not 1 < many <= FEW_SCENES or len(outcome.differences) > 1:
-        return ""
-    where = "both scenes" if many == 2 else f"all {NUMBERS[many]} scenes"
     (difference,) = outcome.differences
     if all(value * difference > 0 for value in outcome.by_scene):
         way = "above" if difference > 0 else "below"
-        measured = f"{outcome.method} is {number(abs(difference))} dB {way} {outcome.against} on {where}"
-    else:
-        each = listed([signed(value) for value in outcome.by_scene])
-        measured = f"{outcome.method} − {outcome.against} is {each} dB on the {NUMBERS[many]} scenes"
-    return f"{measured}; {NUMBERS[many]} scenes are too few to predict others"
+        where = "both scenes" if many == 2 else f"all {NUMBERS[many]} scenes"
+        return f"{outcome.method} is {number(abs(difference))} dB {way} {outcome.against} on {where}"
+    each = listed([signed(value) for value in outcome.by_scene])
+    return f"{outcome.method} − {outcome.against} is {each} dB on the {NUMBERS[many]} scenes"
+
+
+def _too_few(outcome: Outcome) -> str:
+    return f"{NUMBERS[len(outcome.by_scene)]} scenes are too few to predict others"
 
 
 def change_in_words(change: Change) -> str:

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 from harness.records.cells import Budget
 from harness.records.verdict import phrase_with
-from reports.claims.headline import budgets_of
 from reports.claims.psnr_table import printed_gain
 from reports.data.load import Records
 from reports.data.selection import behind_difference
@@ -24,7 +23,7 @@ def difference_panels(records: Records) -> list[Panel]:
     drawn = [
         _differences_panel(records, method, rival, budget)
         for method in records.contenders[:1]
-        for budget in budgets_of(records)
+        for budget in records.budgets
         for rival in records.rivals
         if rival != method
     ]

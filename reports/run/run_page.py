@@ -12,7 +12,7 @@ from harness.records.verdict import phrase_with
 from reports.claims.claim_list import claims
 from reports.claims.estimands import rates_grid, senses_grid
 from reports.claims.first_screen import first_screen
-from reports.claims.headline import budgets_of, headline
+from reports.claims.headline import headline
 from reports.claims.ledger import Claim, in_short, not_tested
 from reports.claims.psnr_table import differences_grids, scores_grid
 from reports.claims.table import chapters, folds
@@ -104,7 +104,7 @@ def _page(records: Records, shelves: ShelfRecords, pixels: PictureData | None, s
         records=records,
         run=run,
         headline=answer,
-        equal_time=wording.BUDGETS[budgets_of(records)[1]],
+        equal_time=wording.BUDGETS[records.budgets[1]],
         ruler_like=any(duel.steps and duel.steps.scenes_like_these for duel in answer.duels),
         first=first_screen(records, ledger, shelves),
         facts=facts(records),
