@@ -67,8 +67,8 @@ def views(records: Records) -> list[View]:
 
 
 def seed_shown(records: Records, scene: str) -> int | None:
-    """Return the seed in which most finished methods have pictures; of equals that with pictures of most methods, then
-    the first. None if there are no pictures.
+    """Return the seed in which the most finished methods have pictures, or None if there are no pictures. Among equals,
+    pictures of the most methods decide, then the order of seeds.
     """
     counts: dict[int, tuple[int, int]] = {}
     for cell in records.cells:

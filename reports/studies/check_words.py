@@ -96,7 +96,7 @@ def outcome(check: Check) -> str:
     if check.owner != "machine" or limit is None or check.status == "inconclusive":
         return f"{look.mark} {look.word}"
     if check.value is None:
-        return f"{look.mark} no figure, so not met"
+        return f"{look.mark} not met, as it has no figure"
     far = distance(check.value, limit, check.unit)
     if check.holds:
         return f"{look.mark} met" + (f", {far} {'above' if check.value > limit else 'below'}" if far else "")

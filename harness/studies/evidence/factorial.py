@@ -25,7 +25,7 @@ from harness.studies.framework import Found, Rows
 from harness.verdicts.claim_files import known_claims
 
 PARTS = {"φ encoding": "phi_encoding", "amplifier": "amplifier", "φ skip": "phi_skip"}
-"""Part → its name in that of a combination; the amplifier's depends on the reading."""
+"""Part → its word in the name of a combination; the amplifier's depends on the reading."""
 TABLE4_SCENE = "lego"
 
 

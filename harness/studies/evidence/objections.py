@@ -60,8 +60,8 @@ def objections(context: EvidenceContext) -> Iterator[Found]:
 
 
 def amplifier_after_training(cells: list[CellRecord]) -> str:
-    """Return how near to the identity Eq. 4 is once trained, and what taking it out changes. Methods that Listing 4
-    renders are apart: with an interval of 1e10 at its end, a ray learns little.
+    """Return how near to the identity Eq. 4 is once trained, and what taking it out changes. Methods with
+    the quadrature of Listing 4 are counted separately: a last interval of 1e10 hardly lets a ray learn.
     """
     printed = [cell for cell in cells if CATALOG[cell.method].settings.quadrature == "listing4"]
     usual = [cell for cell in cells if cell not in printed]

@@ -37,7 +37,7 @@ def target(value, unit="×", goal=10.0, **more) -> Check:
         (target(4.0), "missed", "✕ missed by a factor of 2.5"),
         (target(58.1, "%", 65.0), "missed", "✕ missed by 6.9 points"),
         (target(-1.0), "missed", "✕ missed"),
-        (target(None), "missed", "✕ no figure, so not met"),
+        (target(None), "missed", "✕ not met, as it has no figure"),
         (structs.replace(target(11.2), status="inconclusive"), "unsettled", "? inconclusive"),
         (target(None, goal=None), "absent", "○ not available"),
         (check("t", 1.7, high=2.0, unit="GB", owner="machine"), "passes", "✓ met, 15 % below"),
