@@ -13,7 +13,7 @@ from baselines.amplifiers import Amplifier
 from baselines.composition import Ladder, Parts
 from baselines.contract import FieldSpec
 from baselines.methods.ablations import BANDWIDTH, NO_SHIFT, PARTIAL, RELEASED, WEAKENED
-from baselines.methods.explicit import GAUSSIANS, PLANES, TABLES, VoxelSettings
+from baselines.methods.explicit import GAUSSIANS, PLANES, TABLES, GivenSettings, VoxelSettings
 from baselines.methods.nerf import NERF, NERF_MATCHED
 from baselines.methods.qnerf import (
     NERF_LISTING4,
@@ -123,3 +123,12 @@ CATALOG: dict[str, Method] = {
         deviations=VOXELS,
     ),
 }
+GIVEN = "given_splats"
+UNTRAINED = {
+    GIVEN: Method(
+        GivenSettings(),
+        "3-D Gaussians of a .ply file, trained elsewhere and drawn here",
+        "harness.training.make_learner:given_splats",
+    ),
+}
+"""What a run scores but does not train: no method to compare, so it has no place in `CATALOG`."""

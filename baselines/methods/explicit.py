@@ -106,6 +106,16 @@ class VoxelSettings:
         return (0.0, self.finest // 4), (self.halves[0], self.finest // 2), (self.halves[1], self.finest)
 
 
+@dataclass(frozen=True)
+class GivenSettings:
+    """Gaussians of a .ply file, which are drawn as the program that trained them draws them."""
+
+    file: str = ""
+    sha256: str = ""
+    focal: float = 1.0
+    """The focal length of the views, in pixels: the reference implementation blurs by a share of a pixel."""
+
+
 def geometric(coarsest: int, finest: int, levels: int) -> tuple[int, ...]:
     """Return the resolution of each level, growing by one factor, as Eq. 2 and 3 of Müller et al. 2022."""
     growth = (finest / coarsest) ** (1.0 / max(levels - 1, 1))

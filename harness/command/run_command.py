@@ -29,6 +29,12 @@ RUN: Options = {
     "--claims": option("claims to test (docs/claims.md)", "FILE", Path, nargs="+", default=[]),
     "--claim": option('such as "mine - nerf >= 1.5 dB"', "LINE", nargs="+", default=[]),
     **MACHINE_OPTIONS,
+    "--splats": option(
+        "Gaussians that another program trained, a .ply per scene in the order of the scenes: scored, not trained",
+        "FILE",
+        Path,
+        nargs="+",
+    ),
     "--out": option("output folder (default: a fresh out/PROFILE-TIME)"),
     "--resume": option("train the missing cells of --out"),
     "--dry-run": {},
@@ -102,6 +108,8 @@ def _planned(options: argparse.Namespace, out: Path, show: Progress) -> "tuple[P
         known_names("--baseline", [options.baseline], list(plan.methods))
         plan = replace(plan, roles=structs.replace(plan.roles, baseline=options.baseline))
     plan = replace(plan, claims=tuple(claims_of(plan.all_methods(), plan.scenes, options.claims, options.claim)))
+    if options.splats is not None:
+        plan = _with_splats(plan, options)
     if options.lpips is not None:
         plan = _with_lpips(plan, options, out)
     if options.verify_omissions and len(plan.seeds) < LEAST_SEEDS:
@@ -109,6 +117,23 @@ def _planned(options: argparse.Namespace, out: Path, show: Progress) -> "tuple[P
             f"--verify-omissions: {len(plan.seeds)} seeds are too few for an interval; --seeds {LEAST_SEEDS} or more"
         )
     return plan, device
+
+
+def _with_splats(plan: "Plan", options: argparse.Namespace) -> "Plan":
+    from harness.training.kinds.given_splats import given_gaussians
+    from scenes.files.digest import file_digest
+
+    files: list[Path] = options.splats
+    named = " ".join(map(str, files))
+    if options.executor == "ray":
+        raise InputError(f"--splats {named}: only on this machine; leave it out, or run here (--executor local)")
+    if len(files) != len(plan.scenes):
+        raise InputError(
+            f"--splats {named}: give a .ply for each of the scenes, in this order: {' '.join(plan.scenes)}"
+        )
+    for file in files:
+        given_gaussians(file, 1.0)  # refuses other files
+    return replace(plan, given=tuple((str(file.resolve()), file_digest(file)) for file in files))
 
 
 def _with_lpips(plan: "Plan", options: argparse.Namespace, out: Path) -> "Plan":
@@ -135,6 +160,7 @@ def plan_lines(plan: "Plan", machine: "Machine", cores: int) -> list[str]:
         f"  scenes   {' '.join(plan.scenes)}",
         f"  methods  {' '.join(plan.methods)}",
         f"  seeds    {' '.join(map(str, plan.seeds))}",
+        *(f"  given    {' '.join(file for file, _ in plan.given)}" for _ in plan.given[:1]),
         *(f"  also     {' '.join(extra.methods)} on {extra.scene}, {_seeds(extra.seeds)}" for extra in plan.extras),
         f"  views    {views.resolution} px wide; {source}",
         f"  network  {network.depth} × {network.width}, L = {network.position_bands}/{network.direction_bands}, "

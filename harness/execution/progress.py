@@ -220,6 +220,8 @@ def cell_line(cell: "CellRecord") -> str:
     cores = "" if cell.train_core_seconds is None else f", {cell.train_core_seconds:.1f} core s"
     waits = "; other work shared its processor" if cell.waited else ""
     waits += ", its core seconds are too long" if cell.spun else ""
+    if not cell.steps:
+        return f"{name}: {score}, as given"
     return f"{name}: {score} after {cell.steps} steps, {cell.train_seconds:.1f} s{cores}{waits}"
 
 

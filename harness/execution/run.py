@@ -9,13 +9,15 @@ from pathlib import Path
 import torch
 from msgspec import structs
 
+from baselines.catalog import GIVEN
+from baselines.methods.explicit import GivenSettings
 from harness.execution.executors import device_here, run_groups
 from harness.execution.ground_truth import view_set_folders
 from harness.execution.group import missing_methods
 from harness.execution.group_loop import Event
 from harness.execution.local_executor import run_locally
 from harness.execution.progress import Progress
-from harness.execution.run_record import measured_at_printed_size, scene_record
+from harness.execution.run_record import SceneRead, measured_at_printed_size, scene_record
 from harness.machine.device import use_threads
 from harness.machine.mixed_cells import mixed_hardware, mixed_sources, stale_cells
 from harness.machine.provenance import provenance
@@ -76,7 +78,7 @@ def run(
         try:
             with phases.timed("train"):
                 _train(tasks, keys, record, machine, show)
-                _train_guest(plan, tasks, record, machine, show)
+                _score_guests(plan, tasks, record, machine, show)
         except KeyboardInterrupt:
             _write(out, keys, record, phases)
             raise KeyboardInterrupt(_kept(out, keys)) from None
@@ -109,7 +111,16 @@ def _read_view_sets(
     claims = [measured_at_printed_size(file) for file in plan.claims]
     not_tested = [*record.not_tested, *cautions]
     record = structs.replace(record, scenes=scenes, claims=claims, not_tested=not_tested)
-    return [replace(task, content=read[task.scene].content) for task in tasks], record
+    return [_with_scene(plan, task, read[task.scene]) for task in tasks], record
+
+
+def _with_scene(plan: Plan, task: GroupTask, read: SceneRead) -> GroupTask:
+    """Return the task with the digest of its view set, and the Gaussians of the scene that are given."""
+    task = replace(task, content=read.content)
+    if not plan.given:
+        return task
+    given = GivenSettings(*plan.given[plan.scenes.index(task.scene)], read.focal)
+    return replace(task, train=replace(task.train, own={**task.train.own, GIVEN: given}))
 
 
 def _write(out: Path, keys: list[Key], record: RunRecord, phases: Phases, finished: bool = False) -> None:
@@ -137,21 +148,23 @@ def _train(tasks: list[GroupTask], keys: list[Key], record: RunRecord, machine: 
     drop_folder(out)
 
 
-def _train_guest(plan: Plan, tasks: list[GroupTask], record: RunRecord, machine: Machine, show: Progress) -> None:
-    """Train the missing guests, on each scene for the baseline's core seconds if these are known."""
-    out, budgets, baseline = tasks[0].out, {}, record.roles.baseline
+def _score_guests(plan: Plan, tasks: list[GroupTask], record: RunRecord, machine: Machine, show: Progress) -> None:
+    """Score the missing guests: Gaussians as they are given, and a method that is trained for scale, on each scene for
+    the baseline's core seconds if these are known.
+    """
+    out, baseline = tasks[0].out, record.roles.baseline
     _ended_cells(out, plan.guest_cells())
-    for scene, guest, seed in plan.guest_cells():
-        path = cell_path(out, scene, baseline, seed)
-        if not cell_path(out, scene, guest, seed).exists() and path.exists():
-            budgets[scene] = read_cell(path).train_core_seconds
-    due = [
-        replace(task, methods=plan.guests, budget=Budget(None, None, seconds))
-        for task in tasks
-        if task.seed == plan.seeds[0] and (seconds := budgets.get(task.scene))
-    ]
-    if due:
+    due = []
+    for task in (task for task in tasks if task.seed == plan.seeds[0]):
+        path = cell_path(out, task.scene, baseline, task.seed)
+        if plan.given:
+            due.append(replace(task, methods=(GIVEN,), budget=Budget(0, None)))
+        if plan.guest and path.exists() and (seconds := read_cell(path).train_core_seconds):
+            due.append(replace(task, methods=(plan.guest,), budget=Budget(None, None, seconds)))
+    due = [task for task in due if missing_methods(task)]
+    if any(task.methods == (plan.guest,) for task in due):
         show.line(f"training {plan.guest} for scale, on each scene for the core seconds of {baseline}")
+    if due:
         for _ in _events(due, machine, record.provenance["commit"], show):
             pass
         drop_folder(out)

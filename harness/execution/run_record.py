@@ -45,6 +45,8 @@ class SceneRead(NamedTuple):
     """The digest of the view set."""
     notes: tuple[str, ...]
     """What the reader of its images noted."""
+    focal: float
+    """The focal length in pixels."""
 
 
 def scene_record(task: GroupTask, keys: list[tuple[str, str, int]]) -> SceneRead:
@@ -80,7 +82,7 @@ def scene_record(task: GroupTask, keys: list[tuple[str, str, int]]) -> SceneRead
         rendered={key: manifest[key] for key in kept if key in manifest},
         left_out=[_left_out(row) for row in rows.values()],
     )
-    return SceneRead(record, content_of(views), views.notes)
+    return SceneRead(record, content_of(views), views.notes, views.focal)
 
 
 def _left_out(row: JsonObject) -> LeftOut:

@@ -25,7 +25,7 @@ from pathlib import Path, PurePath
 from typing import Any, get_args
 
 from baselines.amplifiers import AMPLIFIERS
-from baselines.catalog import CATALOG, Method
+from baselines.catalog import CATALOG, UNTRAINED, Method
 from baselines.composition import ACTIVATIONS, LADDERS, LOSSES, SKIPS, Parts
 from baselines.numerics.quadrature import QUADRATURES
 from harness.plan.schedule import Decay
@@ -84,6 +84,8 @@ def method_named(name: str) -> Method:
     """Return a method of the catalogue or of a package. Raises `InputError` as `require_methods`, and for
     an unknown name.
     """
+    if name in UNTRAINED:
+        return UNTRAINED[name]
     if name not in CATALOG:
         require_methods([name])
     if name not in CATALOG:
@@ -107,7 +109,7 @@ def origins(names: Iterable[str]) -> dict[str, object]:
 
 def title_of(name: str) -> str:
     """Return the method's title, with its package if it has one."""
-    title, origin = CATALOG[name].title, _loaded.get(name)
+    title, origin = method_named(name).title, _loaded.get(name)
     return title if origin is None else f"{title} (package {origin['package']} {origin['version']})"
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from baselines.catalog import CATALOG as METHODS
+from baselines.catalog import GIVEN
 from baselines.composition import Parts
 from baselines.methods.chosen import chosen
 from harness.plan.defaults import KEPT_EVERY
@@ -50,6 +51,8 @@ class Plan:
     extras: tuple[Extra, ...] = ()
     guest: str | None = None
     """A method of another family, trained with the first seed for the baseline's core seconds, but not compared."""
+    given: tuple[tuple[str, str], ...] = ()
+    """File and SHA-256 of the Gaussians of each scene that another program trained: scored, but not compared."""
     lpips: str | None = None
     """The file of the weights of LPIPS; cells name its digest."""
     claims: tuple[ClaimFile, ...] = ()
@@ -105,8 +108,9 @@ class Plan:
         for name in ("region", "ceiling_train_db", "ceiling_test_db"):
             if getattr(self.views, name) is None:
                 del kept["views"][name]
-        if not self.extras:
-            del kept["extras"]
+        for name in ("extras", "given"):
+            if not getattr(self, name):
+                del kept[name]
         if self.view_set is not None and len(self.view_set) == 1:
             kept["view_set"] = self.view_set[0]  # as older plans, which have only one
         names = {"scenes": list(self.scenes), "methods": list(self.methods), "seeds": list(self.seeds)}
@@ -116,10 +120,10 @@ class Plan:
 
     @property
     def guests(self) -> tuple[str, ...]:
-        return (self.guest,) if self.guest else ()
+        return (*([self.guest] if self.guest else []), *([GIVEN] if self.given else []))
 
     def guest_cells(self) -> list[tuple[str, str, int]]:
-        """Return (scene, method, seed) of the guest's cells."""
+        """Return (scene, method, seed) of the guests' cells."""
         return [(scene, guest, self.seeds[0]) for guest in self.guests for scene in self.scenes]
 
     def without_extras(self) -> "Plan":

@@ -8,12 +8,12 @@ import msgspec
 import numpy as np
 import torch
 
-from baselines.catalog import CATALOG
+from baselines.catalog import CATALOG, UNTRAINED
 from baselines.composition import Parts
 from baselines.contract import Box
 from baselines.methods.explicit import GaussianSettings, PlaneSettings, TableSettings, VoxelSettings
 from harness.plan.names import known_names
-from harness.plan.plugins import require_methods
+from harness.plan.plugins import method_named, require_methods
 from harness.plan.schedule import Budget
 from harness.plan.settings import ScoreSettings, TrainSettings
 from harness.records.cells import (
@@ -122,13 +122,13 @@ class FinishedRun:
         if cell.status != "done":
             raise InputError(f"{self.out}: {name} is {cell.status} ({cell.reason}); there is nothing to look at")
         require_methods([method])
-        if method not in CATALOG:
+        if method not in CATALOG and method not in UNTRAINED:
             raise InputError(
                 f"{path}: method {method!r} is not in this version's catalogue, and no installed package offers it: "
                 f"{' '.join(CATALOG)}"
             )
         settings = from_plain(TrainSettings, cell.settings.get("train"), path)
-        if (usual := CATALOG[method].settings) is not None:
+        if (usual := method_named(method).settings) is not None:
             own = from_plain(type(usual), settings.own.get(method), path)
             settings = replace(settings, own={method: own})
         budget = from_plain(Budget, cell.settings.get("budget"), path)

@@ -279,7 +279,8 @@ class CellTraining:
             if not self.due:
                 angles.append(evaluate.normal_error(self.trainer, image, self.test, test, index))
         scores = evaluate.mean_scores(rows)
-        self.curve.append(self._checkpoint(scores))
+        if self.trainer.step:  # Gaussians that are given have no curve
+            self.curve.append(self._checkpoint(scores))
         if self.due:
             return None
         return self._finished(scores, rows, float(np.mean(opacities)), evaluate.mean_of(angles), drawing)
@@ -320,7 +321,7 @@ class CellTraining:
         properties["normal_error"] = normal_error
         scored = [row.psnr for row in rows]
         properties |= amplifier_effect(trainer, self.test, self.views.test, scored, score.chunk)
-        properties["clipped_share"] = trainer.clipping.clipped_steps / trainer.step
+        properties["clipped_share"] = trainer.clipping.clipped_steps / max(trainer.step, 1)
         costs = {
             "view_seconds": drawing.seconds / len(rows),
             "view_core_seconds": drawing.core_seconds / len(rows),

@@ -40,6 +40,14 @@ def splats(job: Job) -> Learner:
     return SplatTrainer(job)
 
 
+def given_splats(job: Job) -> Learner:
+    if job.device.type != "cpu":
+        raise NotAvailable("is drawn only by the processor; --device cpu scores it")
+    from harness.training.kinds.given_splats import GivenSplats
+
+    return GivenSplats(job)
+
+
 def ellipsoids(job: Job) -> Learner:
     if drjit_backend(job.device) != "llvm" or importlib.util.find_spec("mitsuba") is None:
         raise NotAvailable("is traced by Mitsuba on the processor; --device cpu trains it")

@@ -99,8 +99,10 @@ def _number(texts: dict[str, str], place: re.Match[str]) -> str:
 
 
 def guests(records: Records) -> str:
-    """State what a method of another family reaches in the core seconds of the baseline; empty if none was trained."""
-    for name in records.run.guests:
+    """State what Gaussians that were given reach, else what a method of another family reaches in the core seconds of
+    the baseline; empty if there is neither.
+    """
+    for name in reversed(records.run.guests):
         pairs = []
         for cell in records.guest_cells:
             for rival in records.cells_of(cell.scene, records.baseline):
@@ -109,6 +111,9 @@ def guests(records: Records) -> str:
                     pairs.append(scores)
         if pairs:
             theirs, ours, spent = (fmean(float(pair[place] or 0.0) for pair in pairs) for place in range(3))
+            if not spent:
+                reached = f"{number(theirs)} dB as given, {records.baseline} {number(ours)} dB"
+                return f"{name} reaches {reached} ({counted(len(pairs), 'scene')}; trained elsewhere, not judged)"
             scenes = f"{counted(len(pairs), 'scene')}, {spent:.0f} core seconds per cell"
             return (
                 f"{name} reaches {number(theirs)} dB with the same core seconds as {records.baseline}, which reaches "

@@ -82,7 +82,7 @@ def ends_of(pair: tuple[float, float] | None) -> dict[str, float | None]:
 
 def spent_entry(cells: list[CellRecord]) -> Entry:
     """Return the mean core seconds of training, below them wall seconds; only wall seconds if a cell has no others."""
-    if not cells:
+    if not any(cell.steps for cell in cells):
         return EMPTY
     wall = fmean(cell.train_seconds for cell in cells)
     known = [cell.train_core_seconds for cell in cells if cell.train_core_seconds is not None]

@@ -82,6 +82,15 @@ class Records:
         return _in_order(self.run.main_methods, (cell.method for cell in self.cells))
 
     @property
+    def pictured(self) -> list[str]:
+        """Return the methods of which pictures are shown: those that are compared, then the guests."""
+        return [*self.methods, *self.run.guests]
+
+    @property
+    def pictured_cells(self) -> list[CellRecord]:
+        return [*self.cells, *self.guest_cells]
+
+    @property
     def baseline(self) -> str:
         return self.run.roles.among(self.methods).baseline
 

@@ -23,7 +23,7 @@ class Kept:
 
 def kept(records: Records, scene: str, seeds: tuple[int, ...] | None = None) -> Kept:
     """Read the files of the scene's cells, of the named seeds or of all."""
-    cells = [cell for cell in records.cells if cell.scene == scene and (seeds is None or cell.seed in seeds)]
+    cells = [cell for cell in records.pictured_cells if cell.scene == scene and (seeds is None or cell.seed in seeds)]
     pictures = Kept({})
     path = inside(records.folder, truth_pictures(scene))
     if path is not None and any(cell.pictures for cell in cells):
@@ -42,7 +42,7 @@ def damaged(records: Records) -> list[str]:
     """Return a line for every file of pictures that cannot be shown, with the reason."""
     lines: list[str] = []
     for scene in records.scenes:
-        paths = [cell.pictures for cell in records.cells if cell.scene == scene and cell.pictures]
+        paths = [cell.pictures for cell in records.pictured_cells if cell.scene == scene and cell.pictures]
         files: list[tuple[str, Callable[[Path], object]]] = [(truth_pictures(scene), read_truth)] if paths else []
         for relative, read in [*files, *((path, read_renders) for path in paths)]:
             path = inside(records.folder, relative)

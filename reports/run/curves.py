@@ -76,7 +76,7 @@ def convergence(records: Records, axis: str) -> list[Panel]:
         title = "all scenes (mean)" if scene == EVERYWHERE else scene
         traces = traces_of(points, colours, scene, "psnr", log=False)
         if scene in guests:
-            of_guests = colours_of([*records.methods, *records.run.guests])
+            of_guests = colours_of(records.pictured)
             own = {name: of_guests[name] for name in records.run.guests}
             # the page has no data of the runs of guests
             traces += [replace(trace, runs=()) for trace in traces_of(guests[scene], own, scene, "psnr", log=False)]

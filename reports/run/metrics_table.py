@@ -174,10 +174,10 @@ def costs_grid(records: Records) -> Grid:
     columns = [Column("method", numeric=False), Column("training", small="per cell")]
     columns += [Column("multiple", small=f"of {against}’s"), Column("drawing", small="per test view")]
     columns += [Column("weights"), Column("file"), Column("memory"), Column("of the GPU")]
-    every = [*records.cells, *records.guest_cells]
+    every = records.pictured_cells
     multiples = {row.method: _multiple(row, against) for row in cost_ratios(records.cells, records.methods, against)}
     rows = []
-    for method in (*records.methods, *records.run.guests):
+    for method in records.pictured:
         cells = [cell for cell in every if (cell.method, cell.status) == (method, "done")]
         if not cells:
             continue

@@ -52,15 +52,15 @@ class View(NamedTuple):
 
 def views(records: Records) -> list[View]:
     chosen = [(scene, seed) for scene in records.scenes if (seed := seed_shown(records, scene)) is not None]
-    side = side_for(len(chosen) * (1 + len(records.methods)), BUDGET_BYTES)
+    side = side_for(len(chosen) * (1 + len(records.pictured)), BUDGET_BYTES)
     shown = []
     for scene, seed in chosen:
         pictures, about = kept(records, scene, (seed,)), records.scene(scene)
         view = first_view(pictures)
         if view is not None:
-            cells = {cell.method: cell for cell in records.cells if (cell.scene, cell.seed) == (scene, seed)}
+            cells = {cell.method: cell for cell in records.pictured_cells if (cell.scene, cell.seed) == (scene, seed)}
             truth = pictures.truth.get(view)
-            methods = [_shown(pictures, cells[name], view, truth, side) for name in records.methods if name in cells]
+            methods = [_shown(pictures, cells[name], view, truth, side) for name in records.pictured if name in cells]
             small = data_uri(smaller(as_picture(truth.display), side)) if truth else None
             shown.append(View(scene, about.title if about else scene, view, seed, small, methods))
     return shown
@@ -166,7 +166,7 @@ class PictureData(NamedTuple):
 
 
 def picture_data(records: Records, budget: int = INLINE_BYTES, file_budget: int = FILE_BYTES) -> PictureData | None:
-    if not any(cell.pictures for cell in records.cells):
+    if not any(cell.pictures for cell in records.pictured_cells):
         return None
     return _inline(records, budget) or _beside(records, file_budget)
 
@@ -228,8 +228,8 @@ def _data(records: Records, scenes: list[SceneData], beside: str) -> dict[str, o
         if shown.unshown
     ]
     return {
-        "methods": records.methods,
-        "variables": {method: colour.variable for method, colour in colours_of(records.methods).items()},
+        "methods": records.pictured,
+        "variables": {method: colour.variable for method, colour in colours_of(records.pictured).items()},
         "scenes": [shown.entry for shown in scenes if shown.entry["views"]],
         "left_out": sentences,
         "beside": beside,
@@ -244,8 +244,8 @@ def scene_data(records: Records, scene: str, up_to: int) -> SceneData:
     shown = SceneData({"name": scene, "title": about.title if about else scene, "missing": [], "renders": []})
     shown.entry["views"] = [_view(pictures.truth[name], about, far, shown.texts) for name in names]
     shown.unshown = bool(pictures.renders) and not names
-    cells = [cell for cell in records.cells if cell.scene == scene]
-    for cell in sorted(cells, key=lambda cell: (records.methods.index(cell.method), cell.seed)):
+    cells = [cell for cell in records.pictured_cells if cell.scene == scene]
+    for cell in sorted(cells, key=lambda cell: (records.pictured.index(cell.method), cell.seed)):
         key = (cell.method, cell.seed)
         why = pictures.missing.get(key)
         if cell.status != "done" or why is not None:

@@ -83,7 +83,7 @@ def page(records: Records, shelves: ShelfRecords = NO_SHELVES) -> str:
 
 
 def _page(records: Records, shelves: ShelfRecords, pixels: PictureData | None, shown: dict[str, ShelfShown]) -> str:
-    layout = Layout(colours_of([*records.methods, *records.run.guests]))
+    layout = Layout(colours_of(records.pictured))
     filters = {"signed": wording.signed, "interval": wording.interval, "tone_of_sign": wording.tone_of_sign}
     filters |= {"phrase_with": phrase_with, "as_data": as_data, "behind": behind_difference}
     layout.environment.filters.update(filters)

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from baselines.splats.ply import read_ply
 from harness.records.metric_table import METRICS
 from harness.records.scored_pictures import ScoredPictures
+from harness.training.kinds.given_splats import given_gaussians
 from harness.training.scoring.evaluate import View, cameras_of, mean_scores, view_scores
 from harness.training.scoring.lpips import lpips_of
 from harness.training.scoring.misread import as_read, likely_mistake
@@ -47,12 +47,7 @@ def _alike(pictures: Iterable[np.ndarray]) -> Iterator[np.ndarray]:
 
 def _drawn(file: Path, views: ViewSet) -> ImageStack:
     """Draw the Gaussians of a .ply file once from each test camera."""
-    try:
-        field = read_ply(file, views.focal)
-    except OSError as error:
-        raise InputError(f"{file}: cannot be read ({error.strerror})") from error
-    except ValueError as error:
-        raise InputError(f"{file}: {error}; give the .ply of 3D Gaussian Splatting, or pictures") from error
+    field = given_gaussians(file, views.focal)
     cameras = cameras_of(views, views.test, torch.device("cpu"))
     drawn = (field.render(cameras.all_rays(index)).colour.clamp(0.0, 1.0) for index in range(len(cameras)))
     return ImageStack.of(colour.numpy().reshape(views.height, views.width, 3) for colour in drawn)

@@ -171,3 +171,6 @@ def test_gaussians_of_a_run_are_written_and_score_as_in_it(tmp_path: Path, capsy
     file.write_bytes(file.read_bytes()[:-7])
     assert f"{file}: is not a PLY file" in refused(capsys, file, *scored, command="score")
     assert "none.ply: cannot be read" in refused(capsys, tmp_path / "none.ply", *scored, command="score")
+    given = ("--view-set", tmp_path / "ball", "--dry-run", "--splats", tmp_path / "none.ply")
+    assert "none.ply: cannot be read" in refused(capsys, *given)
+    assert "give a .ply for each of the scenes, in this order: ball" in refused(capsys, *given, tmp_path / "none.ply")

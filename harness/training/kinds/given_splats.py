@@ -1,0 +1,78 @@
+"""Gaussians that another program trained, as a learner that is scored as it was given."""
+
+from pathlib import Path
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from baselines.contract import Rays, Rendering
+from baselines.methods.explicit import GivenSettings
+from baselines.splats.gaussians import Gaussians
+from baselines.splats.ply import read_ply
+from harness.machine.stopwatch import Stopwatch
+from harness.training.learner import Job
+from harness.training.trainer import BudgetedTrainer
+from scenes.files.digest import file_digest
+from scenes.files.errors import InputError
+
+
+def given_gaussians(file: Path, focal: float) -> Gaussians:
+    """Read a .ply, to be drawn at a focal length in pixels. Raises `InputError`."""
+    try:
+        return read_ply(file, focal)
+    except OSError as error:
+        raise InputError(f"{file}: cannot be read ({error.strerror})") from error
+    except ValueError as error:
+        raise InputError(f"{file}: {error}; give the .ply of 3D Gaussian Splatting") from error
+
+
+class GivenSplats(BudgetedTrainer):
+    """The Gaussians of a .ply file. It takes no step and no time."""
+
+    own: GivenSettings
+
+    def __init__(self, job: Job) -> None:
+        super().__init__(job)
+        file = Path(self.own.file)
+        self.field = given_gaussians(file, self.own.focal)
+        if file_digest(file) != self.own.sha256:
+            raise InputError(f"{file}: changed since the run began; put it back as it was")
+
+    @property
+    def progress(self) -> float:
+        return 1.0
+
+    @property
+    def fields(self) -> Gaussians:
+        return self.field
+
+    def warm_up(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None:
+        """Compile the kernels."""
+        self.field.render(rays)
+
+    def train_on(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None:
+        """Leave everything as it is; making the batch is not counted."""
+        self.clock = Stopwatch(self.device)
+
+    def _rendered(self, rays: Rays, generator: torch.Generator | None, first: int, bins: int | None) -> Rendering:
+        rays.require_finite()
+        return self.field.render(rays)
+
+    def render(self, rays: Rays, chunk: int, bins: int | None = None) -> Rendering:
+        """Render all of `rays` at once, as each chunk would be sorted separately."""
+        return super().render(rays, max(len(rays), 1), bins)
+
+    def rendered_by(self) -> dict[str, Any]:
+        return {**self._rendered_by(), "degree": self.field.degree, "blurred": self.field.blurred}
+
+    def restore(self, tensors: dict[str, Tensor], step: int) -> None:
+        if tensors["gaussians"].shape != self.field.values.shape:
+            raise ValueError(f"Gaussians of shape {tuple(tensors['gaussians'].shape)}, not those of {self.own.file}")
+        self.field.values = tensors["gaussians"]
+
+    def optimiser_tensors(self) -> dict[str, Tensor]:
+        return {}
+
+    def restore_optimiser(self, tensors: dict[str, Tensor]) -> None: ...
