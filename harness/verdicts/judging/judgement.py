@@ -285,8 +285,10 @@ def _differences(cells: np.ndarray, duels: Sequence[tuple[int, int]]) -> np.ndar
 
 
 def _signed(pairs: list[Pair], differences: np.ndarray, margin: float) -> list[Pair]:
-    """Return the pairs with signs that hold together: by sign flips, or for few scenes by Holm's procedure on t."""
-    if differences.shape[1] >= LEAST_UNITS:
+    """Return the pairs with signs that hold together: by sign flips or, if a pair has few scenes, by Holm's procedure
+    on t: no flip of few signs is rare enough, and the step-down procedure would hand that on to the other pairs.
+    """
+    if np.isfinite(differences).sum(axis=1).min(initial=differences.shape[1]) >= LEAST_UNITS:
         adjusted: Sequence[float | None] = step_down_max_t(differences).tolist()
     else:
         adjusted = holm([pair.scenes_like_these.p if pair.scenes_like_these else None for pair in pairs], len(pairs))

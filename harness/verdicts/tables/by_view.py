@@ -50,7 +50,7 @@ def over_views(rows: Rows) -> Rows:
         stretches.append((path, unit, kept))
         before += len(numbers)
     note = "Scores are means over the views of a scene: scenes, and not views, are the units of a verdict."
-    return Rows(columns, stretches, rows.lower, [*rows.notes, note])
+    return Rows(columns, stretches, rows.lower, [*rows.notes, note], rows.averages)
 
 
 def _require_same_views(rows: Rows, name: str, cells: dict[tuple[str, ...], dict[str, int]]) -> None:

@@ -1,77 +1,99 @@
-"""Printed tables: CSV, Markdown and LaTeX as grids of cells, with a row per result or with a column per scene."""
+"""Texts as grids of cells: CSV, Markdown and LaTeX. `layout` says which cells are scenes, methods and scores."""
 
 import csv
 import io
 import re
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.records.metric_table import METRICS, PRIMARY
-from harness.verdicts.tables.numbers import ARROWS, has_spread, is_missing, number, plain
-from harness.verdicts.tables.rows import METHOD, SCENE, Rows, rows_of
+from harness.verdicts.tables.numbers import THOUSANDS, plain
 from scenes.files.errors import InputError
 
-LOWER = {name for name, metric in METRICS.items() if not metric.higher_is_better}
-LOWER |= {"rmse", "mse", "mae", "fid", "kid", "dists", "chamfer"}
-"""The metrics that are better when lower, also as part of a name, as in `lpips_vgg`."""
-HIGHER = {"psnr", "ssim", "iou", "msssim", "accuracy", "f1"}
-KNOWN = {*METRICS, *LOWER, *HIGHER, "ms-ssim"}
-ASIDE = (
-    "year", "venue", "publication", "params", "#params", "fps", "time", "training time", "train time", "memory", "size",
-    "mem", "steps", "iterations", "rank", "gpu",
-)  # fmt: skip
-"""The columns of a wide table that are not scenes."""
-PSNR_RANGE = (8.0, 70.0)
-"""The range in which all numbers of a table without a name of a metric must lie to be read as PSNR."""
+ENVIRONMENT = r"(?:tabular[x*]?|tabulary|longtable|tblr|array|supertabular)"
+RULES = re.compile(
+    r"\\(?:(?:top|mid|bottom|h)(?:rule|line)|hdashline|endhead|endfirsthead|endfoot|endlastfoot|centering|"
+    r"(?:cmidrule|cline|specialrule|cdashline|Xhline|addlinespace)(?:\([^)]*\))?)(?:\[[^\]]*\]|\{[^{}]*\})*"
+)
 
 
 @dataclass(frozen=True)
 class Grid:
-    """A table as text: rows of cells of equal number, the line of each, and the text around that may name a metric."""
+    """A table as text: rows of cells of equal number, and the line of each."""
 
     rows: list[list[str]]
     lines: list[int]
-    around: str = ""
+    around: tuple[str, ...] = ()
+    """The texts around that may name a metric, the nearest first: headings, sentences, captions."""
 
 
-def read_text(path: Path, text: str, metric: str | None) -> Rows:
-    """Return the rows of all tables of a text; `metric` names the numbers of a table that does not. Raises `InputError`
-    for a text without a table, and for a table that could be read in two ways.
-    """
+def grids_of(path: Path, text: str) -> list[Grid]:
+    """Return all tables of a text; raises `InputError` for a text without any."""
     name = path.suffix.lower()
-    if name == ".tex" or "\\begin{tabular" in text:
-        grids = _latex(text)
+    if name == ".tex" or re.search(rf"\\begin\{{{ENVIRONMENT}\}}", text):
+        grids = list(_latex(text))
     elif name in (".md", ".markdown") or re.search(r"^\s*\|?[\s:|-]*-{2,}[\s:|-]*\|[\s:|-]*$", text, re.MULTILINE):
-        grids = _markdown(text)
+        grids = list(_markdown(text))
     else:
-        return _from_csv(path, text, metric)
+        return [_from_csv(path, text)]
     if not grids:
         raise InputError(f"{path}: holds no table; give one as CSV, Markdown or LaTeX")
-    several = [_rows(path, grid, metric) for grid in grids]
-    return several[0] if len(several) == 1 else _merged(path, several)
+    return grids
 
 
-def _from_csv(path: Path, text: str, metric: str | None) -> Rows:
-    mark = max(",;\t", key=text.partition("\n")[0].count)
+def _from_csv(path: Path, text: str) -> Grid:
+    first, _, rest = text.partition("\n")
+    declared = re.fullmatch(r"\s*sep=(.)\s*", first)  # as Excel writes it
+    skipped = 1 if declared else 0
+    text = rest if declared else text
+    mark = declared[1] if declared else _delimiter(text)
     try:
-        names, *rows = list(csv.reader(io.StringIO(text, newline=""), delimiter=mark)) or [[]]
+        rows = list(csv.reader(io.StringIO(text, newline=""), delimiter=mark))
     except csv.Error as error:
         raise InputError(f"{path}: is not a CSV file ({error})") from error
-    for place, row in enumerate(rows):
-        if row and len(row) != len(names):
-            raise InputError(f"{path}, line {place + 2}: has {len(row)} fields, the header has {len(names)}")
-    while rows and not rows[-1]:
-        rows.pop()
-    if not all(rows):
-        raise InputError(f"{path}, line {rows.index([]) + 2}: is empty; delete it")
-    return _rows(path, Grid([names, *rows], list(range(1, len(rows) + 2))), metric)
+    numbered = [(row, line) for line, row in enumerate(rows, skipped + 1)]
+    while numbered and not any(map(str.strip, numbered[-1][0])):
+        numbered.pop()
+    titles = []
+    while len(numbered) > 1 and sum(bool(cell.strip()) for cell in numbered[0][0]) <= 1 < len(numbered[-1][0]):
+        titles.append("".join(numbered.pop(0)[0]).strip())
+    if not numbered:
+        raise InputError(f"{path}: is empty; give a table with a header and rows")
+    (names, top), *body = numbered
+    for row, line in body:
+        if not row:
+            raise InputError(f"{path}, line {line}: is empty; delete it")
+        if (len(row) != len(names) and any(map(str.strip, row[len(names) :]))) or len(row) < len(names):
+            raise InputError(f"{path}, line {line}: has {len(row)} fields, the header has {len(names)}")
+    cells = [[plain(cell) for cell in row[: len(names)]] for row, _ in numbered]
+    return Grid(_with_points(cells, mark), [top, *(line for _, line in body)], tuple(filter(None, reversed(titles))))
 
 
-def _markdown(text: str) -> list[Grid]:
-    """Return the tables with pipes; a line of dashes divides header and rows."""
-    grids: list[Grid] = []
-    around, rows, numbers = "", list[list[str]](), list[int]()
+def _delimiter(text: str) -> str:
+    """Return the sign that most lines have equally often; a comma last, as it may be a decimal mark."""
+    lines = [line for line in text.split("\n", 30)[:30] if line.strip()]
+
+    def agreeing(sign: str) -> int:
+        counts = Counter(line.count(sign) for line in lines)
+        return max((many for count, many in counts.items() if count), default=0)
+
+    return max("\t;,", key=agreeing)
+
+
+def _with_points(rows: list[list[str]], mark: str) -> list[list[str]]:
+    """Return the cells with decimal points: a comma divides thousands where no number of the table has another use
+    for it, as in `30,000`.
+    """
+    commas = [cell for row in rows[1:] for cell in row if re.match(r"[+\-−]?\d+,\d", cell)]
+    if mark == ";" or not all(THOUSANDS.fullmatch(cell) for cell in commas):
+        return rows
+    return [[cell.replace(",", "") if THOUSANDS.fullmatch(cell) else cell for cell in row] for row in rows]
+
+
+def _markdown(text: str) -> Iterator[Grid]:
+    """Yield the tables with pipes; a line of dashes divides header and rows."""
+    around, rows, numbers = list[str](), list[list[str]](), list[int]()
     for line_number, line in enumerate([*text.splitlines(), ""], 1):
         if "|" in line:
             cells = [cell.strip() for cell in re.split(r"(?<!\\)\|", line.strip().removeprefix("|").removesuffix("|"))]
@@ -80,153 +102,73 @@ def _markdown(text: str) -> list[Grid]:
                 numbers.append(line_number)
             continue
         if len(rows) > 1:
-            grids.append(_even(rows, numbers, around))
+            yield _even(rows, numbers, around)
         if rows:
-            around, rows, numbers = "", [], []
-        around += f" {line}"
-    return grids
+            around, rows, numbers = [], [], []
+        if line.strip():
+            around.insert(0, plain(line.strip("# ")))
 
 
-def _latex(text: str) -> list[Grid]:
-    """Return the bodies of `tabular` environments; a cell of several columns is repeated."""
-    grids = []
-    pattern = re.compile(r"\\begin\{tabular[x*]?\}(.*?)\\end\{tabular[x*]?\}", re.DOTALL)
-    for match in pattern.finditer(text):
-        body = re.sub(r"(?<!\\)%.*", "", match[1])
+def _latex(text: str) -> Iterator[Grid]:
+    """Yield the bodies of tables; a cell of several columns is repeated."""
+    text = re.sub(r"(?<!\\)%.*", "", text)
+    tables = list(re.finditer(rf"\\begin\{{({ENVIRONMENT})\}}(.*?)\\end\{{\1\}}", text, re.DOTALL))
+    for place, match in enumerate(tables):
         # the specification of the columns, which may hold nested braces, ends before the first line that has a cell
-        body = re.sub(r"^(?:\s*\[[^\]]*\])?(?:\s*\{(?:[^{}]|\{[^{}]*\})*\})+", "", body)
-        line = text[: match.start(1)].count("\n") + 1
+        body = re.sub(r"^(?:\s*\[[^\]]*\])?(?:\s*\{(?:[^{}]|\{[^{}]*\})*\})+", "", match[2])
+        line = text[: match.end(2) - len(body)].count("\n") + 1
         rows, numbers = [], []
-        for part in re.split(r"\\\\(?:\[[^\]]*\])?", body):
-            row = re.sub(r"\\(?:(?:top|mid|bottom|h)(?:rule|line)|cmidrule|cline|specialrule)(?:\([^)]*\))?"
-                         r"(?:\[[^\]]*\])?(?:\{[^{}]*\})*", "", part)  # fmt: skip
+        for part in _split(body, "\\\\"):
+            row = RULES.sub("", re.sub(r"^\s*\[[^\]]*\]", "", part))
             if "&" in row:
-                rows.append([spanned for cell in re.split(r"(?<!\\)&", row) for spanned in _spanned(cell)])
+                rows.append([spanned for cell in _split(row, "&") for spanned in _spanned(cell)])
                 numbers.append(line + part[: len(part) - len(part.lstrip())].count("\n"))
+            elif row.strip():
+                rows.append([spanned for spanned in _spanned(row)])
+                numbers.append(line)
             line += part.count("\n")
-        near = text[max(0, match.start() - 600) : match.start()] + text[match.end() : match.end() + 600]
-        captions = re.findall(r"\\caption(?:\[[^\]]*\])?\{([^{}]*(?:\{[^{}]*\}[^{}]*)*)\}", near)
         if len(rows) > 1:
-            grids.append(_even(rows, numbers, " ".join(map(plain, captions))))
-    return grids
+            before = text[tables[place - 1].end() if place else 0 : match.start()]
+            after = text[match.end() : tables[place + 1].start() if place + 1 < len(tables) else None]
+            yield _even(rows, numbers, _captions(before, after))
+
+
+def _split(text: str, mark: str) -> list[str]:
+    """Split at `mark` outside braces."""
+    parts, depth, begin, place = [], 0, 0, 0
+    while place < len(text):
+        if text.startswith(mark, place) and depth == 0:
+            parts.append(text[begin:place])
+            begin = place = place + len(mark)
+            continue
+        if text[place] == "\\":
+            place += 2
+            continue
+        depth = max(0, depth + {"{": 1, "}": -1}.get(text[place], 0))
+        place += 1
+    return [*parts, text[begin:]]
+
+
+def _captions(before: str, after: str) -> list[str]:
+    """Return the captions of a table: that of its own environment first, then the nearest text before it."""
+    caption = r"\\caption(?:of\{[^{}]*\})?\*?(?:\[[^\]]*\])?\{([^{}]*(?:\{[^{}]*\}[^{}]*)*)\}"
+    opened = [match.end() for match in re.finditer(r"\\begin\{(?:sub|wrap)?table\*?\}", before)]
+    closed = re.search(r"\\end\{(?:sub|wrap)?table\*?\}", after)
+    own = before[opened[-1] :] if opened else ""
+    within = [*reversed(re.findall(caption, own)), *re.findall(caption, after[: closed.start()] if closed else "")]
+    outside = re.findall(
+        caption, re.sub(r"\\begin\{figure\*?\}.*?\\end\{figure\*?\}", "", before[-600:], flags=re.DOTALL)
+    )
+    near = [] if within else [*reversed(outside), *re.findall(caption, after[:600])]
+    return list(map(plain, [*within, *near]))
 
 
 def _spanned(cell: str) -> list[str]:
-    match = re.match(r"\s*\\multicolumn\{(\d+)\}\{(?:[^{}]|\{[^{}]*\})*\}\{(.*)\}\s*$", cell, re.DOTALL)
-    return [plain(match[2])] * int(match[1]) if match else [plain(cell)]
+    match = re.match(r"\s*\\multicolumn\s*\{(\d+)\}\s*\{(?:[^{}]|\{[^{}]*\})*\}\s*\{(.*)\}\s*$", cell, re.DOTALL)
+    return [plain(match[2])] * min(int(match[1]), 1000) if match else [plain(cell)]
 
 
-def _even(rows: list[list[str]], numbers: list[int], around: str) -> Grid:
+def _even(rows: list[list[str]], numbers: list[int], around: list[str]) -> Grid:
     """Return a grid with all rows padded to the longest."""
     longest = max(map(len, rows))
-    return Grid([row + [""] * (longest - len(row)) for row in rows], numbers, around)
-
-
-def metric_in(text: str) -> str | None:
-    """Return the known metric that a text names as a word, in lower case."""
-    words = re.findall(r"[a-z0-9_\-]+", text.lower())
-    words += [part for word in words for part in word.split("_")]
-    return next((word for word in words if word in KNOWN), None)
-
-
-def _bare(name: str) -> str:
-    """Return a header in lower case, without arrows and units."""
-    return re.sub(r"\s*[(\[](?:db|s|↑|↓)[)\]]", "", name.strip(f" {ARROWS}").lower()).strip(f" {ARROWS}")
-
-
-def _rows(path: Path, grid: Grid, metric: str | None) -> Rows:
-    head, *body = grid.rows
-    names = [_bare(name) for name in head]
-    lower = frozenset(bare for bare, name in zip(names, head, strict=True) if "↓" in name or "⬇" in name)
-    if set(names) & set(SCENE) and set(names) & set(METHOD):
-        notes = [SPREAD] if any(has_spread(value) for row in body for value in row) else []
-        columns = [list(values) for values in zip(*body, strict=True)] or [[] for _ in names]
-        return rows_of(path, names, columns, "line", grid.lines[1:], lower, notes)
-    return _wide(path, grid, metric)
-
-
-SPREAD = "Spreads behind ± or in brackets are left out: the judgement has its own."
-
-
-def _wide(path: Path, grid: Grid, metric: str | None) -> Rows:
-    """Return the rows of a table with a row per method and a column per scene, or turned, or with pairs of scene and
-    metric in two rows of headers.
-    """
-    first = next((k for k, row in enumerate(grid.rows) if any(number(cell) is not None for cell in row[1:])), 0)
-    heads, body, lines = grid.rows[:first], grid.rows[first:], grid.lines[first:]
-    if not heads or len(heads) > 2:
-        known = ", ".join(name.strip().lower() for name in grid.rows[0]) or "none"
-        raise InputError(f"{path}: has no column scene and no column method (columns: {known})")
-    numeric = [k for k in range(1, len(heads[0])) if any(number(row[k]) is not None for row in body)]
-    columns = [k for k in numeric if _bare(heads[-1][k]) not in ASIDE]
-    corner, turned = heads[-1][0] or heads[0][0], False
-    named = [_bare(heads[-1][k]) for k in columns]
-    metrics = [metric_in(name) or "" for name in named]
-    above = [heads[0][k] for k in columns] if len(heads) == 2 else []
-    if above and not any(metrics):
-        metrics, above, named = [metric_in(name) or "" for name in above], [heads[-1][k] for k in columns], above
-    if above and all(metrics):
-        scenes = [plain(name) for name in above]
-    elif all(metrics):
-        if _bare(corner) in SCENE:
-            raise InputError(f"{path}: has no column method (columns: {', '.join(map(_bare, heads[-1]))})")
-        raise InputError(
-            f"{path}: has the columns {', '.join(dict.fromkeys(named))} and no scenes: judge compares methods over "
-            "scenes; give a table with a result of each scene"
-        )
-    else:
-        scenes = [heads[-1][k].strip() for k in columns]
-        chosen = metric or metric_in(f"{corner} {grid.around}") or metric_in(path.stem) or _guessed(path, body, columns)
-        metrics = [chosen.lower()] * len(columns)
-        turned = _bare(corner) in SCENE
-    lower = frozenset(name for name, k in zip(metrics, columns, strict=True) if "↓" in heads[-1][k] + heads[0][k])
-    cells: dict[tuple[str, str], dict[str, object]] = {}
-    places: dict[tuple[str, str], int] = {}
-    for row, line in zip(body, lines, strict=True):
-        if not row[0].strip():
-            raise InputError(f"{path}, line {line}: has numbers and no name; give it one")
-        for k, scene, name in zip(columns, scenes, metrics, strict=True):
-            cell = (row[0].strip(), scene) if turned else (scene, row[0].strip())
-            scores = cells.setdefault(cell, {})
-            if name in scores:
-                raise InputError(
-                    f"{path}, line {line}: a second {name} of {cell[1]} on {cell[0]}; rename or delete one"
-                )
-            scores[name] = row[k]
-            places.setdefault(cell, line)
-    kinds = list(dict.fromkeys(metrics))
-    table: list[list[object]] = [[scene for scene, _ in cells], [method for _, method in cells]]
-    table += [[row.get(name) for row in cells.values()] for name in kinds]
-    notes = [SPREAD] if any(has_spread(row[k]) for row in body for k in columns) else []
-    if aside := [heads[-1][k] for k in numeric if k not in columns]:
-        notes.append(f"Columns left out, which are no scenes: {', '.join(aside)}.")
-    return rows_of(path, ["scene", "method", *kinds], table, "line", list(places.values()), lower, notes)
-
-
-def _guessed(path: Path, body: list[list[str]], columns: Sequence[int]) -> str:
-    """Return PSNR if all numbers of a table without a name of a metric can be it; raises `InputError` otherwise."""
-    values = [number(row[k]) for row in body for k in columns if not is_missing(row[k])]
-    if all(value is not None and PSNR_RANGE[0] <= value <= PSNR_RANGE[1] for value in values):
-        return PRIMARY
-    raise InputError(f"{path}: does not say which metric it holds, and its numbers are no PSNR; name it with --metric")
-
-
-def _merged(path: Path, parts: list[Rows]) -> Rows:
-    """Return the rows of several tables of one file, with the metrics of one cell in one row."""
-    cells: dict[tuple[object, ...], dict[str, object]] = {}
-    places: dict[tuple[object, ...], int] = {}
-    for part in parts:
-        keys = [part.columns.get(name) or [None] * len(part) for name in ("scene", "method", "seed")]
-        (_, _, numbers), names = part.stretches[0], [name for name in part.columns if name not in ("scene", "method")]
-        for row, key in enumerate(zip(*keys, strict=True)):
-            cell = cells.setdefault(key, {"scene": key[0], "method": key[1]})
-            for name in names:
-                if cell.get(name) not in (None, part.columns[name][row]):
-                    raise InputError(f"{part.where(row)}: repeats {name} of {key[1]} on {key[0]}, of a table before it")
-                cell[name] = part.columns[name][row]
-            places.setdefault(key, numbers[row])
-    names = list(dict.fromkeys(name for cell in cells.values() for name in cell))
-    columns = [[cell.get(name) for cell in cells.values()] for name in names]
-    lower = frozenset().union(*(part.lower for part in parts))
-    notes = list(dict.fromkeys(note for part in parts for note in part.notes))
-    return rows_of(path, names, columns, "line", list(places.values()), lower, notes)
+    return Grid(_with_points([row + [""] * (longest - len(row)) for row in rows], "|"), numbers, tuple(around))

@@ -3,14 +3,19 @@
 """
 
 import json
+import re
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
 from harness.records.metric_table import METRICS
-from harness.verdicts.tables.rows import Rows, rows_of
+from harness.verdicts.tables.headers import share_of_scenes
+from harness.verdicts.tables.layout import rows_of_columns
+from harness.verdicts.tables.places import NOWHERE, ResultPlace, scene_folder
+from harness.verdicts.tables.rows import Rows
 from scenes.files.errors import InputError
 from scenes.files.json_object import JsonObject, each_key_once
 
@@ -18,17 +23,21 @@ FORMS = (
     "JSON must be a list of rows {scene, method, psnr, …}, {cells: such rows}, {method, scenes: {scene: {metric: "
     "value}}}, or a file of results of nerfbaselines, 3D Gaussian Splatting, ns-eval or gsplat"
 )
-STATISTICS = ("stats", "results", "eval", "test")
-"""Folders between the folder of a scene and its file of results."""
 
 
-def read_json_rows(path: Path, text: str, label: str) -> Rows:
-    """Return the rows of a file's text; `label` names the method where the file and its folders do not. Raises
-    `InputError` for a file that holds no rows.
+class HoldsNoRows(InputError):
+    """A JSON file of something else than results."""
+
+
+def read_json_rows(path: Path, text: str, place: ResultPlace = NOWHERE, metric: str | None = None) -> Rows:
+    """Return the rows of a file's text; `place` says what its folders name. Raises `HoldsNoRows`, and `InputError` for
+    what is no JSON.
     """
     try:
-        data = msgspec.json.decode(text)
-        json.loads(text, object_pairs_hook=each_key_once)
+        is_lines = path.suffix.lower() in (".jsonl", ".ndjson")
+        data = msgspec.json.Decoder().decode_lines(text) if is_lines else msgspec.json.decode(text)
+        for part in text.splitlines() if is_lines else [text]:
+            json.loads(part or "{}", object_pairs_hook=each_key_once)
     except RecursionError as error:
         raise InputError(f"{path}: is nested too deeply") from error
     except ValueError as error:
@@ -36,13 +45,16 @@ def read_json_rows(path: Path, text: str, label: str) -> Rows:
     metrics = data.get("metrics") if isinstance(data, dict) else None
     declared = [each for each in metrics if isinstance(each, dict)] if isinstance(metrics, list) else []
     lower = frozenset(str(each.get("id")) for each in declared if each.get("ascending") is False)
-    rows = _rows(data, path, label)
+    rows = _rows(data, path, place)
     if not rows or not all(isinstance(row, dict) for row in rows):
-        raise InputError(f"{path}: holds no rows; {FORMS}")
+        raise HoldsNoRows(f"{path}: holds no rows; {FORMS}")
     rows = [_with_protocol(row) for row in rows]
+    if place.seed is not None:
+        rows = [{"seed": place.seed, **row} for row in rows]
     names = list(dict.fromkeys(name for row in rows for name, value in row.items() if _is_plain(value)))
     columns = [[row.get(name) if _is_plain(row.get(name)) else None for row in rows] for name in names]
-    return rows_of(path, names, columns, lower=lower)
+    read = rows_of_columns(path, names, columns, metric)
+    return replace(read, lower=read.lower | lower)
 
 
 def _is_plain(value: object) -> bool:
@@ -60,7 +72,7 @@ def _with_protocol(row: JsonObject) -> JsonObject:
     return {**row, "width": made["width"], **views, **of_vgg}
 
 
-def _rows(data: Any, path: Path, label: str) -> list[Any]:
+def _rows(data: Any, path: Path, place: ResultPlace) -> list[Any]:
     if isinstance(data, list):
         nested = data and all(isinstance(each, dict) and isinstance(each.get("scenes"), dict) for each in data)
         return [row for each in data for row in _of_method(each)] if nested else data
@@ -75,12 +87,39 @@ def _rows(data: Any, path: Path, label: str) -> list[Any]:
     for name in ("methods", "cells"):
         # a run's summary also has a list of method names
         if isinstance(data.get(name), list) and all(isinstance(each, dict) for each in data[name]):
-            return _rows(data[name], path, label)
+            return _rows(data[name], path, place)
     if "scene" not in data and _scores(data):
-        return [{**_scores(data), "scene": _scene_folder(path).name, "method": label or "gsplat"}]
+        return [{**_scores(data), "scene": place.scene or scene_folder(path), "method": place.method or "gsplat"}]
     if data and all(isinstance(each, dict) and _scores(each) for each in data.values()):
-        return _of_gaussian_splatting(data, path, label)
-    return []
+        return _of_gaussian_splatting(data, path, place)
+    return _of_data_frame(data)
+
+
+def _of_data_frame(data: JsonObject) -> list[JsonObject]:
+    """Return the rows of the forms that pandas writes, and of {method: {scene: {metric: value}}}, also turned."""
+    columns, values, index = (data.get(name) for name in ("columns", "data", "index"))
+    if isinstance(columns, list) and isinstance(values, list) and isinstance(index, list):
+        return [
+            dict(zip(["", *map(str, columns)], [name, *row], strict=False))
+            for name, row in zip(index, values, strict=False)
+            if isinstance(row, list)
+        ]
+    if not data or not all(isinstance(each, dict) and each for each in data.values()):
+        return []
+    inner = [value for each in data.values() for value in each.values()]
+    if all(isinstance(value, dict) for value in inner):
+        turned = share_of_scenes(data) > 0.5
+        return [
+            {**scores, "scene": outer if turned else name, "method": name if turned else outer}
+            for outer, each in data.items()
+            for name, scores in each.items()
+        ]
+    if not all(_is_plain(value) for value in inner):
+        return []
+    by_column = "method" in data or "scene" in data
+    if by_column:  # {column: {row: value}}
+        return [{column: values.get(row) for column, values in data.items()} for row in next(iter(data.values()))]
+    return [{"": name, **values} for name, values in data.items()]
 
 
 def _scores(data: Mapping[str, Any]) -> dict[str, float]:
@@ -94,19 +133,16 @@ def _scores(data: Mapping[str, Any]) -> dict[str, float]:
     return {name: value for name, value in means.items() if isinstance(value, int | float)}
 
 
-def _scene_folder(path: Path) -> Path:
-    folder = path.resolve().parent
-    return folder.parent if folder.name in STATISTICS else folder
-
-
-def _of_gaussian_splatting(data: JsonObject, path: Path, label: str) -> list[JsonObject]:
-    """Return a row for each number of steps: `ours_7000`, `ours_30000`."""
-    several = len(data) > 1 or not label
+def _of_gaussian_splatting(data: JsonObject, path: Path, place: ResultPlace) -> list[JsonObject]:
+    """Return a row for each number of steps: `ours_7000`, `ours_30000`; or for each scene of a file of a method."""
+    if not all(re.search(r"_\d+$", name) for name in data):
+        return [{**_scores(scores), "scene": scene, "method": path.stem} for scene, scores in data.items()]
+    several = len(data) > 1 or not place.method
     return [
         {
             **_scores(scores),
-            "scene": _scene_folder(path).name,
-            "method": " ".join(filter(None, (label, name if several else ""))),
+            "scene": place.scene or scene_folder(path),
+            "method": " ".join(filter(None, (place.method, name if several else ""))),
         }
         for name, scores in data.items()
     ]

@@ -10,25 +10,28 @@ import numpy as np
 
 from harness.records.metric_table import METRICS, PRIMARY, possible_range
 from harness.verdicts.tables.files import read_rows
-from harness.verdicts.tables.grids import HIGHER, LOWER
+from harness.verdicts.tables.headers import HIGHER, LOWER, WEAK_AVERAGE, bare, is_aside, is_average, metric_of
 from harness.verdicts.tables.numbers import LARGEST, decimals, is_column_of_numbers, is_missing, number
 from harness.verdicts.tables.rows import Rows
 from scenes.files.errors import InputError
 
-PROTOCOL = ("width", "resolution", "views", "view_set", "colour_space", "color_space", "background")
+PROTOCOL = (
+    "width", "resolution", "downscale", "downsample", "factor", "views", "view_set", "split", "colour_space",
+    "color_space", "background",
+)  # fmt: skip
 """The columns that say how a score was made: scores of a scene that differ in one are not comparable."""
 ORIGINS = ("source", *PROTOCOL)
 """The columns that say where a score comes from, shown with each method."""
 KEYS = ("scene", "method", "seed", "steps", "seconds", "core_seconds", *ORIGINS)
 """The columns that are not metrics."""
-AVERAGES = ("mean", "average", "avg", "mean ↑", "overall", "all", "total")
-"""The names of scenes that hold means of the others."""
 MARGINS = {name: metric.smallest_of_interest for name, metric in METRICS.items()}
 """The smallest effect of interest of each known metric."""
 MOST_ORIGINS = 3
 """The maximum number of different values of an origin that are listed for a method."""
 MOST_METHODS = 200
 MOST_CELLS = 5_000_000
+FINE = 0.02
+"""The largest rounding, as a share of the usual distance of a scene from the mean, at which values tell a mean."""
 LEAST_AVERAGED = 3
 """The minimum number of scenes whose mean another scene can be found to be."""
 
@@ -86,6 +89,9 @@ def table_of(
     if len(kept) < 2:
         many = f"{len(kept)} method{'s' * (len(kept) != 1)}"
         raise InputError(f"{source}: has {many} with results; a comparison needs two: add those of others")
+    has = np.isfinite(values[kept][:, kept_scenes]).any(axis=2).astype(int)
+    if len(kept_scenes) > 1 and int(np.triu(has @ has.T, 1).max()) < 2:
+        raise InputError(f"{source}: no two methods have two scenes in common; is {names[kept[0]]!r} a method?")
     if len(kept_scenes) < 2:
         many = f"{len(kept_scenes)} scene{'s' * (len(kept_scenes) != 1)}"
         raise InputError(f"{source}: has {many} with results; the spread of scenes is not known below two")
@@ -94,7 +100,8 @@ def table_of(
     notes += _shared_cells(rows, of_rows)
     size = f"{len(kept)} methods × {len(kept_scenes)} scenes"
     size += f" × {len(seeds)} seeds" if len(seeds) > 1 else ""
-    left_out = f"; left out as means of the others: {', '.join(scenes[k] for k in averages)}" if averages else ""
+    means = [*rows.averages, *(scenes[k] for k in averages)]
+    left_out = f"; left out as means of the others: {', '.join(means)}" if means else ""
     return ResultTable(
         source=str(source),
         metric=chosen,
@@ -166,17 +173,23 @@ def _values(rows: Rows, chosen: str, of_rows: Sequence["_Encoded"]) -> np.ndarra
 
 def _averages(scenes: list[str], values: np.ndarray) -> list[int]:
     """Return the scenes that are means of the others: by name, or, at either end of the table, by all their values."""
-    named = [k for k, name in enumerate(scenes) if name.casefold().strip(" .:") in AVERAGES]
+    named = [k for k, name in enumerate(scenes) if is_average(name)]
+    weak = [k for k, name in enumerate(scenes) if bare(name) in WEAK_AVERAGE]
     others = [k for k in range(len(scenes)) if k not in named]
     if len(others) <= LEAST_AVERAGED or len(values) < 2:
         return named
     cells = scene_means(values)
     tolerance = 1.01 * 10.0 ** -decimals(cells[np.isfinite(cells)].tolist())
-    for place in {others[0], others[-1]}:
+    for place in dict.fromkeys([*weak, others[0], others[-1]]):
         rest = [k for k in others if k != place]
-        known = np.isfinite(cells[:, place])
-        off = np.abs(cells[known, place] - cells[known][:, rest].mean(axis=1))
-        if known.sum() > 1 and (off <= tolerance).all():
+        complete = np.isfinite(cells[:, [place, *rest]]).all(axis=1)
+        if complete.sum() < 2:
+            continue
+        means = cells[complete][:, rest].mean(axis=1)
+        # of coarsely printed numbers, a scene may agree with the mean by chance
+        usual = float(np.median(np.abs(cells[complete][:, rest] - means[:, None])))
+        is_fine = tolerance <= FINE * usual or place in weak
+        if is_fine and (np.abs(cells[complete, place] - means) <= tolerance).all():
             return sorted([*named, place])
     return named
 
@@ -189,16 +202,18 @@ def _choose(rows: Rows, metrics: list[str], metric: str | None) -> str:
         return metric.lower()
     if PRIMARY in every:
         return PRIMARY
+    metrics = [name for name in metrics if name and not is_aside(name)]
     if not metrics:
         source = rows.stretches[0][0]
         raise InputError(f"{source}: has no column of numbers other than {', '.join(KEYS)}: nothing to judge")
-    return metrics[0]
+    # a name that holds it, if not that of training views
+    return next((name for name in metrics if PRIMARY in name and "train" not in name), metrics[0])
 
 
 def _direction(metric: str, lower: set[str]) -> tuple[bool, list[str]]:
     """Return whether higher is better, and a note if that is a guess."""
     parts = set(re.split(r"[\s_-]+", metric))
-    if metric in lower or metric in LOWER or parts & LOWER:
+    if metric in lower or metric in LOWER or parts & LOWER or re.match(r"1\s*[-−–]", metric):
         return False, []
     if parts & HIGHER:
         return True, []
@@ -292,6 +307,11 @@ def _mean(values: np.ndarray) -> float | None:
     return float(there.mean()) if there.size else None
 
 
+def _is_score(rows: Rows, name: str) -> bool:
+    is_number = is_column_of_numbers(rows.columns[name]) and name not in KEYS and not is_aside(name)
+    return is_number or bool(metric_of(name))
+
+
 def _refuse_duplicates(flat: np.ndarray, rows: Rows) -> None:
     order = np.argsort(flat, kind="stable")
     same = np.flatnonzero(np.diff(flat[order]) == 0)
@@ -301,4 +321,12 @@ def _refuse_duplicates(flat: np.ndarray, rows: Rows) -> None:
         seeded = "seed" in rows.columns
         what = "scene, method and seed" if seeded else "scene and method"
         remedy = "delete one" if seeded else "give repetitions a column seed, or delete one"
+        texts = {name: [str(values[row]) for row in (first, second)] for name, values in rows.columns.items()}
+        differing = [name for name, (one, other) in texts.items() if one != other and not _is_score(rows, name)]
+        files = rows.files()
+        if files[first] != files[second]:
+            remedy = "keep one of the files, or put each run into a folder seed_1, seed_2, …"
+        elif differing:
+            one, other = texts[differing[0]]
+            remedy = f"they differ in {differing[0]} ({one}, {other}): keep the rows of one, or call that column seed"
         raise InputError(f"{rows.where(second)}: repeats {what} of {rows.where(first)}; {remedy}")

@@ -4,11 +4,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from harness.verdicts.tables.headers import METHOD, SCENE, column_name, is_lower
 from scenes.files.errors import InputError
 
-SCENE = ("scene", "dataset", "data", "object", "experiment", "experiment_name")
-METHOD = ("method", "model", "algorithm", "approach", "method_name", "name")
-"""The names of a column of scenes or methods, the preferred one first."""
 SYNONYMS = {"train_seconds": "seconds", "train_core_seconds": "core_seconds", "total_train_time": "seconds"}
 """The names of `seconds` and `core_seconds` in nerfbaselines and in the summary of a run."""
 GIVEN = Path("the given table")
@@ -26,6 +24,8 @@ class Rows:
     """The metrics that a file itself declares to be better when lower."""
     notes: list[str] = field(default_factory=list)
     """What a reader assumed or left out, one sentence each."""
+    averages: tuple[str, ...] = ()
+    """What a reader left out as means of the others."""
 
     def __len__(self) -> int:
         return sum(len(numbers) for _, _, numbers in self.stretches)
@@ -50,9 +50,14 @@ def rows_of(
     numbers: Sequence[int] | None = None,
     lower: frozenset[str] = frozenset(),
     notes: Sequence[str] = (),
+    averages: Sequence[str] = (),
 ) -> Rows:
     """Return rows with lower-case column names, synonyms replaced; raises `InputError` if two names are equal."""
-    known = [str(name).strip().lower() for name in names]
+    given = [str(name).strip() for name in names]
+    short = [column_name(name) for name in given]
+    # a name is shortened unless that makes two columns one
+    known = [new if short.count(new) == 1 else old.lower() for new, old in zip(short, given, strict=True)]
+    lower = lower | {new for new, old in zip(known, given, strict=True) if is_lower(old)}
     known = [SYNONYMS.get(name, name) if SYNONYMS.get(name) not in known else name for name in known]
     for name, synonyms in (("scene", SCENE), ("method", METHOD)):
         if name not in known and (other := next((other for other in synonyms if other in known), None)):
@@ -62,7 +67,7 @@ def rows_of(
         raise InputError(f"{path}: two columns are called {twice!r}; rename one")
     many = len(columns[0]) if columns else 0
     places = range(1, many + 1) if numbers is None else numbers
-    return Rows(dict(zip(known, columns, strict=True)), [(path, unit, places)], lower, list(notes))
+    return Rows(dict(zip(known, columns, strict=True)), [(path, unit, places)], lower, list(notes), tuple(averages))
 
 
 def joined(parts: Sequence[Rows]) -> Rows:
@@ -75,9 +80,19 @@ def joined(parts: Sequence[Rows]) -> Rows:
         if not len(part):
             raise InputError(f"{source}: has a header and no rows")
     names = dict.fromkeys(name for part in parts for name in part.columns)
-    columns = {
+    columns: dict[str, list[object]] = {
         name: [value for part in parts for value in part.columns.get(name) or [None] * len(part)] for name in names
     }
+    columns["scene"] = _with_datasets(columns)
     stretches = [stretch for part in parts for stretch in part.stretches]
     notes = list(dict.fromkeys(note for part in parts for note in part.notes))
-    return Rows(columns, stretches, frozenset().union(*(part.lower for part in parts)), notes)
+    averages = dict.fromkeys(name for part in parts for name in part.averages)
+    return Rows(columns, stretches, frozenset().union(*(part.lower for part in parts)), notes, tuple(averages))
+
+
+def _with_datasets(columns: dict[str, list[object]]) -> list[object]:
+    """Return the scenes, with the name of their data set before them if two data sets share the name of a scene."""
+    scenes, datasets = columns["scene"], columns.get("dataset")
+    if datasets is None or len({*zip(datasets, scenes, strict=True)}) == len({*scenes}):
+        return scenes
+    return [f"{dataset}/{scene}" for dataset, scene in zip(datasets, scenes, strict=True)]

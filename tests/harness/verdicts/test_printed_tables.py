@@ -189,7 +189,7 @@ def test_names_that_differ_in_capitals_or_blanks_are_one_with_a_note(tmp_path: P
         read(tmp_path, "t.csv", text)
     table = read(tmp_path, "t.csv", text.replace("A ,", "c,"))
     assert (table.methods, table.scenes) == (["NeRF", "x"], ["a", "c", "b"])
-    assert "Taken as one method: 'NeRF', 'nerf ', 'nerf'." in table.notes
+    assert "Taken as one method: 'NeRF', 'nerf'." in table.notes
 
 
 def with_seeds(ours: list[str], theirs: list[str]) -> str:

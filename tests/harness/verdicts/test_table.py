@@ -126,7 +126,7 @@ BAD = {
     "scene,psnr\na,1\n": "has no column method (columns: scene, psnr)",
     "scene,method,psnr\n": "has a header and no rows",
     "scene,method,comment\na,x,good\na,y,bad\n": "has no column of numbers",
-    "": "has no column scene and no column method",
+    "": "is empty; give a table with a header and rows",
 }
 
 

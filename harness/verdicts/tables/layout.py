@@ -1,0 +1,473 @@
+"""Grids → rows of results: which columns and rows are scenes, methods and seeds, which metric the numbers are, and what
+is left out. A grid that could be read in two ways is refused.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from harness.records.metric_table import PRIMARY
+from harness.verdicts.tables.grids import Grid, grids_of
+from harness.verdicts.tables.headers import (
+    UNITS,
+    VALUE,
+    bare,
+    beside_metric,
+    column_name,
+    is_aside,
+    is_average,
+    is_lower,
+    metric_of,
+    metrics_named,
+    quantity_in,
+    role_of,
+    seed_of,
+    share_of_scenes,
+    words_of,
+)
+from harness.verdicts.tables.numbers import has_spread, is_failed, is_missing, number
+from harness.verdicts.tables.rows import Rows, rows_of
+from scenes.files.errors import InputError
+
+PSNR_RANGE = (8.0, 70.0)
+"""The range in which all numbers of a table without a name of a metric must lie to be read as PSNR."""
+INDEX = ("", "#", "no", "nr", "index", "idx", "id", "rank")
+"""The names of a column that counts rows."""
+SPREAD = "Spreads behind ± or in brackets are left out: the judgement has its own."
+FILLED = "A blank name repeats the one above it."
+GUESSED = "No metric is named: the numbers are taken as PSNR, as all lie between 8 and 70 (--metric)."
+
+
+def read_text(path: Path, text: str, metric: str | None) -> Rows:
+    """Return the rows of all tables of a text; `metric` names the numbers of a table that does not. Raises `InputError`
+    for a text without a table, and for a table that could be read in two ways.
+    """
+    grids = grids_of(path, text)
+    several = [rows for grid in grids if (rows := rows_in(path, grid, metric, len(grids) == 1)) is not None]
+    if not several:
+        raise InputError(f"{path}: holds times or sizes, and no scores")
+    return several[0] if len(several) == 1 else _merged(path, several)
+
+
+def rows_in(path: Path, grid: Grid, metric: str | None, is_only: bool = True) -> Rows | None:
+    """Return the rows of a grid; None for a grid of times or sizes that is not the only one."""
+    table = _table(path, _tidied(grid))
+    if not {"scene", "method"} <= set(table.roles):
+        return _wide(path, table, metric, is_only)
+    if "metric" in table.roles:
+        return _melted(path, table)
+    return _long(path, table)
+
+
+def rows_of_columns(
+    path: Path, names: Sequence[object], columns: list[list[object]], metric: str | None = None
+) -> Rows:
+    """Return the rows of a table in memory or of a data format, long or wide."""
+    heads = [str(name).strip() for name in names]
+    kept = [k for k, name in enumerate(heads) if not _counts_rows(name, [str(value) for value in columns[k]])]
+    heads, columns = [heads[k] for k in kept], [columns[k] for k in kept]
+    if {"scene", "method"} <= {role_of(name) for name in heads} or not heads or not columns[0]:
+        return rows_of(path, heads, columns)
+    body = [["" if value is None else str(value) for value in row] for row in zip(*columns, strict=True)]
+    rows = rows_in(path, Grid([heads, *body], [*range(len(body) + 1)]), metric)
+    assert rows is not None  # it is the only table
+    (_, _, numbers), *_ = rows.stretches
+    return replace(rows, stretches=[(path, "row", numbers)])
+
+
+@dataclass
+class _Table:
+    """A grid whose headers and columns of names are known."""
+
+    heads: list[list[str]]
+    """The rows of headers, from top to bottom."""
+    body: list[list[str]]
+    lines: list[int]
+    names: list[int]
+    """The columns of names, by place."""
+    roles: dict[str, int]
+    """scene, method, seed, metric → its column."""
+    values: list[int]
+    """The columns of numbers."""
+    around: tuple[str, ...]
+    notes: list[str] = field(default_factory=list)
+
+    def head(self, column: int) -> str:
+        """Return the lowest header of a column."""
+        return next((row[column] for row in reversed(self.heads) if row[column]), "")
+
+
+def _tidied(grid: Grid) -> Grid:
+    """Return a grid without empty rows and columns, units, and rows that are titles of groups; a cell with scores of
+    several metrics becomes several cells.
+    """
+    width = range(len(grid.rows[0]))
+    columns = [k for k in width if any(row[k].strip() for row in grid.rows)]
+    rows, lines, around = list[list[str]](), list[int](), list(grid.around)
+    for place, (row, line) in enumerate(zip(grid.rows, grid.lines, strict=True)):
+        cells = [row[k].strip() for k in columns]
+        filled = [cell for cell in cells if cell]
+        is_title = len({*filled}) == 1 and bool(cells[0]) and (len(filled) in (1, len(cells)))
+        if not filled or (place and all(_is_unit(cell) for cell in filled)):
+            continue
+        if is_title and len(columns) > 1 and not role_of(cells[0]) and number(cells[0]) is None:
+            if not rows:
+                around.insert(0, cells[0])
+            continue
+        rows.append(cells)
+        lines.append(line)
+    if not rows:
+        return Grid([[""]], [1], tuple(around))
+    return _one_score_per_cell(Grid(rows, lines, tuple(around)))
+
+
+def _is_unit(cell: str) -> bool:
+    return cell.strip("()[] ↑↓").lower() in UNITS or not cell.strip("↑↓ ")
+
+
+def _one_score_per_cell(grid: Grid) -> Grid:
+    """Divide cells such as `27.31 / 0.81 / 0.2`, if the headers or the text name as many metrics in that order."""
+
+    def parts(cell: str) -> list[str]:
+        divided = re.split(r"\s*[/|;]\s*", cell)
+        return divided if len(divided) > 1 and all(number(part) is not None for part in divided) else []
+
+    many = {len(parts(cell)) for row in grid.rows[1:] for cell in row if parts(cell)}
+    if len(many) != 1:
+        return grid
+    (count,) = many
+    named = (metrics_named(text) for text in (*grid.rows[0], *grid.around))
+    metrics = next((found for found in named if len(found) == count), None)
+    if metrics is None:
+        return grid
+    divided = [any(parts(row[k]) for row in grid.rows[1:]) for k in range(len(grid.rows[0]))]
+
+    def spread_out(row: list[str], of_header: bool) -> list[str]:
+        cells = []
+        for cell, several in zip(row, divided, strict=True):
+            cells += ([cell] * count if of_header else parts(cell) or [cell] * count) if several else [cell]
+        return cells
+
+    below = [name for several in divided for name in (metrics if several else [""])]
+    rows = [spread_out(grid.rows[0], True), below, *(spread_out(row, False) for row in grid.rows[1:])]
+    return Grid(rows, [grid.lines[0], grid.lines[0], *grid.lines[1:]], grid.around)
+
+
+def _table(path: Path, grid: Grid) -> _Table:
+    first = next((k for k, row in enumerate(grid.rows) if k and _is_data(row)), len(grid.rows))
+    if {"scene", "method"} <= {role_of(cell) for cell in grid.rows[0]}:
+        first = 1
+    heads, body, lines = [list(row) for row in grid.rows[:first]], grid.rows[first:], grid.lines[first:]
+    # pandas prints the name of the rows' index in a row of its own
+    if len(heads) > 1 and all(role_of(cell) for cell in heads[-1] if cell) and not all(heads[-1]):
+        named = heads.pop()
+        heads[-1] = [below or above for below, above in zip(named, heads[-1], strict=True)]
+    table = _Table(heads, body, lines, [], {}, [], grid.around)
+    columns = range(len(heads[0]))
+    is_index = {k for k in columns if _counts_rows(table.head(k), [row[k] for row in body])}
+    numeric = [k for k in columns if _is_numeric([row[k] for row in body]) and not role_of(table.head(k))]
+    names = [k for k in columns if k not in numeric and k not in is_index]
+    table.names = names or [0]
+    table.values = [k for k in columns if k not in table.names and k not in is_index]
+    for k in table.names:
+        if (role := role_of(table.head(k))) and role not in table.roles:
+            table.roles[role] = k
+    _roles_by_content(table)
+    _fill_headers(table)
+    return table
+
+
+def _roles_by_content(table: _Table) -> None:
+    """Find metrics and scenes among columns of names whose headers do not say so."""
+    for k in table.names if len(table.names) > 1 else []:
+        values = {row[k] for row in table.body if row[k]}
+        if k in table.roles.values() or not values:
+            continue
+        if "metric" not in table.roles and all(metric_of(value) and not beside_metric(value) for value in values):
+            table.roles["metric"] = k
+        elif "scene" not in table.roles and share_of_scenes(values) > 0.5:
+            table.roles["scene"] = k
+    others = [k for k in table.names if k not in table.roles.values()]
+    if "scene" in table.roles and "method" not in table.roles and others and not is_aside(table.head(others[-1])):
+        table.roles["method"] = others[-1]
+
+
+def _is_data(row: Sequence[str]) -> bool:
+    """Return whether a row holds results, rather than a second row of headers, such as the numbers of scans."""
+    return any(number(cell) is not None or (cell and is_missing(cell)) for cell in row[1:]) and not role_of(row[0])
+
+
+def _counts_rows(name: str, values: list[str]) -> bool:
+    """Return whether a column counts rows, as the index of a data frame or a rank."""
+    if (bare(name) not in INDEX and not bare(name).startswith("unnamed")) or not values:
+        return False
+    return [number(value) for value in values] in ([*range(len(values))], [*range(1, len(values) + 1)])
+
+
+def _is_numeric(values: list[str]) -> bool:
+    """Return whether at least half of a column's results are numbers; others are refused later, with their line."""
+    known = [value for value in values if not is_missing(value)]
+    return 2 * sum(number(value) is not None for value in known) >= len(known) and any(values)
+
+
+def _fill_headers(table: _Table) -> None:
+    """Repeat a header over the columns that it spans, if rows of headers follow it."""
+    for above, below in zip(table.heads, table.heads[1:], strict=False):
+        for left, right in zip(table.values, table.values[1:], strict=False):
+            if not above[right] and below[right] and right == left + 1:
+                above[right] = above[left]
+
+
+def _long(path: Path, table: _Table) -> Rows:
+    """Return the rows of a table with a row per result; every other column is passed on."""
+    heads = [table.head(k) for k in range(len(table.heads[0]))]
+    named = quantity_in([*table.around, path.stem])[0]
+    if named and not any(metric_of(heads[k]) for k in table.values):
+        heads = [named if k in table.values and bare(name) in VALUE else name for k, name in enumerate(heads)]
+    for role, k in table.roles.items():
+        heads[k] = heads[k] or role
+    kept = sorted([*table.names, *table.values])
+    _fill_down(table, min(table.roles["scene"], table.roles["method"]))
+    columns: list[list[object]] = [[row[k] for row in table.body] for k in kept]
+    names, lines = [heads[k] for k in kept], table.lines
+    if len({seed for name in names if metric_of(name) and (seed := seed_of(name))}) > 1:
+        names, columns, lines = _with_seeds(names, columns, lines)
+    notes = [*table.notes, *_notes_on([row[k] for row in table.body for k in table.values])]
+    return rows_of(path, names, columns, "line", lines, notes=notes)
+
+
+def _with_seeds(
+    names: list[str], columns: list[list[object]], lines: list[int]
+) -> tuple[list[str], list[list[object]], list[int]]:
+    """Return columns such as `psnr_seed0` and `psnr_seed1` as one, with a column of seeds."""
+    seeds = {place: seed for place, name in enumerate(names) if metric_of(name) and (seed := seed_of(name)) is not None}
+    common = [place for place in range(len(names)) if place not in seeds]
+    metrics = list(dict.fromkeys(metric_of(names[place]) for place in seeds))
+    made: dict[str, list[object]] = {name: [] for name in [*(names[place] for place in common), "seed", *metrics]}
+    every = list(dict.fromkeys(seeds.values()))
+    for seed in every:
+        of_seed = {metric_of(names[place]): columns[place] for place, known in seeds.items() if known == seed}
+        for place in common:
+            made[names[place]] += columns[place]
+        made["seed"] += [seed] * len(lines)
+        for metric in metrics:
+            made[metric] += of_seed.get(metric, [None] * len(lines))
+    return list(made), list(made.values()), lines * len(every)
+
+
+def _melted(path: Path, table: _Table) -> Rows:
+    """Return the rows of a table with a row per result and metric: columns metric and value."""
+    kept = [
+        column for k in table.values if not (column := _column(table, k)).is_left_out or bare(table.head(k)) in VALUE
+    ]
+    if len(kept) != 1:
+        known = ", ".join(bare(table.head(column.place)) for column in kept) or "none"
+        raise InputError(f"{path}: has a column of metrics and {len(kept)} columns of numbers ({known}); keep one")
+    roles = {role: table.roles[role] for role in ("scene", "method", "seed") if role in table.roles}
+    cells: dict[tuple[str, ...], dict[str, object]] = {}
+    places: dict[tuple[str, ...], int] = {}
+    for row, line in zip(table.body, table.lines, strict=True):
+        name, key = row[table.roles["metric"]], tuple(row[k] for k in roles.values())
+        scores = cells.setdefault(key, {})
+        if column_name(name) in scores:
+            raise InputError(
+                f"{path}, line {line}: a second {column_name(name)} of {' '.join(key)}; rename or delete one"
+            )
+        scores[column_name(name)] = row[kept[0].place]
+        places.setdefault(key, line)
+    kinds = list(dict.fromkeys(name for scores in cells.values() for name in scores))
+    columns: list[list[object]] = [[key[k] for key in cells] for k in range(len(roles))]
+    columns += [[scores.get(kind) for scores in cells.values()] for kind in kinds]
+    lower = frozenset(column_name(row[k]) for row in table.body if is_lower(row[k := table.roles["metric"]]))
+    return rows_of(path, [*roles, *kinds], columns, "line", list(places.values()), lower, table.notes)
+
+
+def _fill_down(table: _Table, column: int) -> None:
+    """Repeat a name over the rows that it spans, if another name changes meanwhile."""
+    others = [k for k in table.names if k != column]
+    before = ""
+    for place, row in enumerate(table.body):
+        if not row[column] and before and any(row[k] for k in others):
+            table.body[place] = row = [*row[:column], before, *row[column + 1 :]]
+            if FILLED not in table.notes:
+                table.notes.append(FILLED)
+        before = row[column]
+
+
+@dataclass(frozen=True)
+class _Column:
+    """What a column of numbers holds."""
+
+    place: int
+    metric: str = ""
+    name: str = ""
+    """The scene, or the method in a turned table."""
+    seed: str | None = None
+    is_left_out: bool = False
+
+
+def _column(table: _Table, place: int) -> _Column:
+    metric, names, seed, left_out = "", [], None, False
+    parts = list(dict.fromkeys(row[place] for row in table.heads if row[place]))
+    for part in parts:
+        found = metric_of(part)
+        rest = beside_metric(part) if found else part
+        numbered = seed_of(rest) or (seed_of(part) if found else None)
+        if numbered is not None:
+            seed = numbered
+            rest = re.sub(r"(?i)[\s_/-]*(?:seed|run|trial)?[\s_#-]*\d+$", "", rest)
+        metric = metric or found
+        left_out |= (
+            (is_aside(part) and not found) or is_average(part) or ("train" in part.lower().split("_") and bool(found))
+        )
+        if rest.strip():
+            names.append(rest.strip())
+    return _Column(place, metric, " ".join(names), seed, left_out)
+
+
+def _wide(path: Path, table: _Table, metric: str | None, is_only: bool) -> Rows | None:
+    """Return the rows of a table with a column per scene, or per method, or per pair with a metric or a seed."""
+    if not table.body or not table.values:
+        known = ", ".join(name.strip().lower() for name in table.heads[0]) or "none"
+        raise InputError(f"{path}: has no column scene and no column method (columns: {known})")
+    columns = [_column(table, k) for k in table.values]
+    corner = " ".join(row[table.names[0]] for row in table.heads)
+    kept = [column for column in columns if not column.is_left_out]
+    if kept and any(column.name for column in kept):  # the mean of another metric, such as SSIM behind PSNR by scene
+        kept = [column for column in kept if column.name]
+    if not any(column.name for column in kept):
+        _refuse_without_scenes(path, table, kept)
+    rows_are = _what_rows_are(table, [column.name for column in kept])
+    if {*words_of(bare(of_rows := table.head(_column_of_labels(table))))} & {"step", "steps", "iteration", "epoch"}:
+        raise InputError(f"{path}: has a row per {of_rows}, not per method or scene; give the results at the end")
+    context = [path.stem] if metric is None else []
+    named, is_time = quantity_in([corner, *table.around, *context])
+    if not all(column.metric for column in kept) and "metric" not in table.roles:
+        if is_time and metric is None:
+            if not is_only:
+                return None
+            raise InputError(
+                f"{path}: holds a time or a size, and no scores ({corner or table.around[0]}); name its "
+                "numbers with --metric to judge them"
+            )
+        chosen = (metric or named).lower() or _guessed(path, table, kept)
+        kept = [replace(column, metric=column.metric or chosen) for column in kept]
+    return _gathered(path, table, kept, columns, rows_are)
+
+
+def _refuse_without_scenes(path: Path, table: _Table, columns: list[_Column]) -> None:
+    named = ", ".join(dict.fromkeys(bare(table.head(column.place)) for column in columns)) or "none"
+    if "scene" in table.roles:
+        known = ", ".join(bare(name) for name in table.heads[-1])
+        raise InputError(f"{path}: has no column method (columns: {known})")
+    raise InputError(
+        f"{path}: has the columns {named} and no scenes: judge compares methods over scenes; give a table with a "
+        "result of each scene"
+    )
+
+
+def _what_rows_are(table: _Table, columns: list[str]) -> str:
+    """Return `scene` or `method`: by the name of the column of names, else by the scenes that everybody knows."""
+    for role in ("scene", "method"):
+        if role in table.roles:
+            return role
+    labels = [row[_column_of_labels(table)] for row in table.body]
+    if share_of_scenes(labels) > 0.5 > share_of_scenes(columns):
+        return "scene"
+    return "method"
+
+
+def _column_of_labels(table: _Table) -> int:
+    """Return the column of names that is neither a metric nor a seed: the one with a role, else the last."""
+    named = [table.roles[role] for role in ("method", "scene") if role in table.roles]
+    others = [k for k in table.names if k not in table.roles.values()]
+    return (named or others or table.names)[0 if named else -1]
+
+
+def _gathered(path: Path, table: _Table, kept: list[_Column], columns: list[_Column], rows_are: str) -> Rows:
+    """Return the scores by scene, method and seed, and notes on all that is left out."""
+    label, of_metric, of_seed = _column_of_labels(table), table.roles.get("metric"), table.roles.get("seed")
+    if of_metric is not None or of_seed is not None:
+        _fill_down(table, label)
+    cells: dict[tuple[str, str, str | None], dict[str, object]] = {}
+    places: dict[tuple[str, str, str | None], int] = {}
+    left_out: list[str] = []
+    for row, line in zip(table.body, table.lines, strict=True):
+        name = row[label].strip()
+        if not name:
+            raise InputError(f"{path}, line {line}: has numbers and no name; give it one")
+        if is_average(name) or _is_difference(name):
+            left_out.append(name)
+            continue
+        for column in kept:
+            scene, method = (name, column.name) if rows_are == "scene" else (column.name, name)
+            metric = (metric_of(row[of_metric]) or row[of_metric].lower()) if of_metric is not None else column.metric
+            seed = row[of_seed] if of_seed is not None else column.seed
+            scores = cells.setdefault((scene, method, seed), {})
+            if metric in scores:
+                raise InputError(f"{path}, line {line}: a second {metric} of {method} on {scene}; rename or delete one")
+            scores[metric] = row[column.place]
+            places.setdefault((scene, method, seed), line)
+    kinds = list(dict.fromkeys(metric for scores in cells.values() for metric in scores))
+    names = ["scene", "method"]
+    data: list[list[object]] = [[key[0] for key in cells], [key[1] for key in cells]]
+    if any(key[2] is not None for key in cells):
+        names.append("seed")
+        data.append([key[2] for key in cells])
+    data += [[scores.get(kind) for scores in cells.values()] for kind in kinds]
+    unused = [k for k in table.names if k not in (label, of_metric, of_seed) and any(row[k] for row in table.body)]
+    out = [column.place for column in columns if column.place not in {each.place for each in kept}]
+    means = [table.head(k) for k in out if any(is_average(row[k]) for row in table.heads)]
+    others = [table.head(k) for k in sorted([*out, *unused]) if table.head(k) not in means]
+    notes = [*table.notes, *_notes_on([row[column.place] for row in table.body for column in kept])]
+    if others := [*dict.fromkeys(filter(None, others))]:
+        notes.append(f"Columns left out, which are no scenes: {', '.join(others)}.")
+    lower = frozenset(c.metric for c in kept if any(is_lower(row[c.place]) for row in table.heads))
+    averages = [*dict.fromkeys([*means, *left_out])]
+    return rows_of(path, [*names, *kinds], data, "line", list(places.values()), lower, notes, averages)
+
+
+def _is_difference(name: str) -> bool:
+    return bare(name).startswith(("δ", "∆", "delta", "diff"))
+
+
+def _notes_on(cells: list[str]) -> list[str]:
+    failed = [cell for cell in cells if is_failed(cell)]
+    notes = [SPREAD] if any(has_spread(cell) for cell in cells) else []
+    if failed:
+        words = ", ".join(dict.fromkeys(cell.strip() for cell in failed))
+        notes.append(f"{len(failed)} results are missing, as their runs gave none ({words}).")
+    return notes
+
+
+def _guessed(path: Path, table: _Table, kept: list[_Column]) -> str:
+    """Return PSNR if all numbers of a table without a name of a metric can be it; raises `InputError` otherwise."""
+    values = [number(row[column.place]) for row in table.body for column in kept if not is_missing(row[column.place])]
+    if all(value is not None and PSNR_RANGE[0] <= value <= PSNR_RANGE[1] for value in values):
+        table.notes.append(GUESSED)
+        return PRIMARY
+    raise InputError(f"{path}: does not say which metric it holds, and its numbers are no PSNR; name it with --metric")
+
+
+def _merged(path: Path, parts: list[Rows]) -> Rows:
+    """Return the rows of several tables of one file, with the metrics of one cell in one row."""
+    cells: dict[tuple[str, ...], dict[str, object]] = {}
+    places: dict[tuple[str, ...], int] = {}
+    for part in parts:
+        keys = [part.columns.get(name) or [None] * len(part) for name in ("scene", "method", "seed")]
+        (_, _, numbers), names = part.stretches[0], [name for name in part.columns if name not in ("scene", "method")]
+        for row, key in enumerate(zip(*keys, strict=True)):
+            same = tuple(" ".join(str(name).split()).casefold() for name in key)
+            cell = cells.setdefault(same, {"scene": key[0], "method": key[1]})
+            for name in names:
+                if cell.get(name) not in (None, part.columns[name][row]):
+                    raise InputError(f"{part.where(row)}: repeats {name} of {key[1]} on {key[0]}, of a table before it")
+                cell[name] = part.columns[name][row]
+            places.setdefault(same, numbers[row])
+    names = list(dict.fromkeys(name for cell in cells.values() for name in cell))
+    columns = [[cell.get(name) for cell in cells.values()] for name in names]
+    lower = frozenset().union(*(part.lower for part in parts))
+    notes = list(dict.fromkeys(note for part in parts for note in part.notes))
+    averages = tuple(dict.fromkeys(name for part in parts for name in part.averages))
+    return rows_of(path, names, columns, "line", list(places.values()), lower, notes, averages)
