@@ -52,6 +52,7 @@ def judge(
     if isinstance(table, str | Path):
         table = [table]
     elif not isinstance(table, Sequence):
+        table = table if table.index.names == [None] else table.reset_index()
         table = table.astype(object).where(table.notna(), None).to_dict("records")
     rows = [each for each in table if isinstance(each, Mapping)]
     files = [Path(each) for each in table if not isinstance(each, Mapping)]

@@ -42,8 +42,11 @@ def _rows() -> list[dict[str, object]]:
 def test_a_file_its_rows_and_its_data_frame_are_judged_alike() -> None:
     frame = pd.read_csv(TABLE)
     expected = judge(read_table([TABLE]), None, "nerf")
-    for table in (TABLE, [str(TABLE)], frame, frame.to_dict("records")):
+    for table in (TABLE, [str(TABLE)], frame, frame.set_index(["scene", "method"]), frame.to_dict("records")):
         assert rv.judge(table, baseline="nerf").given == expected.given
+    wide = rv.judge(frame.pivot_table("psnr", "method", "scene"), metric="psnr", baseline="nerf").given
+    means = {place.method: place.mean for place in expected.given.places}
+    assert {place.method: place.mean for place in wide.places} == pytest.approx(means)
     assert rv.judge(TABLE, baseline="nerf").digests == {str(TABLE): file_digest(TABLE)}
 
 

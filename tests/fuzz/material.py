@@ -171,8 +171,11 @@ def tables(folder: Path) -> None:
     texts = {
         "table.json": json.dumps({"cells": cells}),
         "table.csv": "\n".join(",".join(map(str, row)) for row in (cells[0], *(cell.values() for cell in cells))),
-        "table.md": "PSNR ↑\n\n|Method|lego|mic|Avg.|\n|---|---|---|---|\n|a|**30.1**|31 ± 0.2|30.5|\n|b|29|-|29|",
+        "table.md": "PSNR ↑\n\n|Method|lego|mic|Avg.|\n|---|---|---|---|\n|a|**30.1**|31 ± 0.2|30.5|\n|b|29|28|-|",
         "table.tex": rf"\begin{{tabular}}{{l|ccc}} {body} \\ \end{{tabular}}",
+        "spreadsheet.csv": "sep=;\nPSNR;;;\n\n;lego;;mic\nx;PSNR;SSIM;PSNR\na;30,1;0,9;31\nb;29;0,8;28\nc;OOM;;9\n;;;",
+        "melted.csv": "scene,method,metric,value\nlego,a,psnr,30\nlego,b,psnr,29\nmic,a,psnr,31\nmic,b,psnr,28",
+        "frame.jsonl": "\n".join(f'{{"scene": "{s}", "method": "{m}", "psnr_seed0": 30}}' for s in "xy" for m in "ab"),
         "views.csv": "\n".join(["scene,method,view,psnr", *views]),
     }
     for name, text in texts.items():

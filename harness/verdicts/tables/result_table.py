@@ -91,7 +91,7 @@ def table_of(
         raise InputError(f"{source}: has {many} with results; a comparison needs two: add those of others")
     has = np.isfinite(values[kept][:, kept_scenes]).any(axis=2).astype(int)
     if len(kept_scenes) > 1 and int(np.triu(has @ has.T, 1).max()) < 2:
-        raise InputError(f"{source}: no two methods have two scenes in common; is {names[kept[0]]!r} a method?")
+        raise InputError(f"{source}: no two methods have two scenes in common: the spread of scenes is not known")
     if len(kept_scenes) < 2:
         many = f"{len(kept_scenes)} scene{'s' * (len(kept_scenes) != 1)}"
         raise InputError(f"{source}: has {many} with results; the spread of scenes is not known below two")
