@@ -15,13 +15,16 @@ from scenes.files.errors import InputError
 LARGEST_VALUES = 208 * 1024 * 1024
 """The maximum of pixels times channels of an image: 4096 × 4096 in 13 channels, the largest render, 832 MiB."""
 MOST_CHANNELS = 64
+STRAIGHT = "oiio:UnassociatedAlpha"
 SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".exr")
 
 
 def pictures(folder: Path) -> list[Path]:
-    """Return the pictures of a folder by their suffixes, without hidden files, resolved and sorted."""
+    """Return the pictures of a folder by their suffixes, without hidden files, resolved, in the order of the names in
+    the folder: a link may lead to a file of another name.
+    """
     files = (file for file in folder.iterdir() if file.suffix.lower() in SUFFIXES and not file.name.startswith("."))
-    return sorted(file.resolve() for file in files if file.is_file())
+    return [file.resolve() for file in sorted(files) if file.is_file()]
 
 
 def read_image(file: Path) -> np.ndarray:
@@ -101,12 +104,31 @@ def _read(file: Path) -> tuple[np.ndarray, tuple[str, ...], Any]:
 
 
 def _pixels(source: Any, file: Path, kind: Any) -> np.ndarray:
+    """Return all pixels as `kind`, with straight alpha."""
+    import OpenImageIO as oiio
+
     spec = source.spec()
-    pixels = source.read_image(kind)
+    # in 16 bits, Blender writes TIFF with colour times alpha
+    is_times_alpha = spec.alpha_channel >= 0 and source.format_name() == "tiff" and not spec.get_int_attribute(STRAIGHT)
+    pixels = source.read_image(oiio.FLOAT if is_times_alpha else kind)
     failure = source.geterror()
     if pixels is None or failure:
         raise InputError(f"{file}: this image is truncated or damaged ({_reason(failure)}); get it again")
-    return np.asarray(pixels).reshape(spec.height, spec.width, spec.nchannels)
+    shaped: np.ndarray = np.asarray(pixels).reshape(spec.height, spec.width, spec.nchannels)
+    return _straight(shaped, spec.alpha_channel, kind) if is_times_alpha else shaped
+
+
+def _straight(pixels: np.ndarray, alpha: int, kind: Any) -> np.ndarray:
+    """Divide colour by alpha, and return levels of the given kind."""
+    import OpenImageIO as oiio
+
+    opacity = pixels[..., alpha : alpha + 1]
+    colour: np.ndarray = np.divide(pixels, opacity, out=np.zeros_like(pixels), where=opacity > 0.0)
+    colour[..., alpha] = pixels[..., alpha]
+    if kind == oiio.FLOAT:
+        return colour
+    most, levels = (255.0, np.uint8) if kind == oiio.UINT8 else (65535.0, np.uint16)
+    return np.asarray(np.round(np.clip(colour, 0.0, 1.0) * most), dtype=levels)
 
 
 @contextmanager
@@ -121,7 +143,7 @@ def _opened(file: Path, complete: bool = True) -> Iterator[Any]:
     if complete and file.suffix.lower() == ".png":
         _check_png(file)
     config = oiio.ImageSpec()
-    config.attribute("oiio:UnassociatedAlpha", 1)  # leave straight alpha as it is stored
+    config.attribute(STRAIGHT, 1)  # leave straight alpha as it is stored
     source = None
     try:
         source = oiio.ImageInput.open(str(file), config)

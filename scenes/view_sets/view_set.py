@@ -41,6 +41,8 @@ from scenes.view_sets.viewpoints import SPLITS, evenly_spread, repeated
 
 CHANNELS = (*"RGBA", "Z", "N.X", "N.Y", "N.Z")
 """The channels that are read from EXR files rendered here."""
+SAME_LENS = 1e-4
+"""The relative difference of the focal lengths of two splits below which they are one."""
 
 
 @dataclass(frozen=True)
@@ -179,8 +181,13 @@ def _require_consistent(folder: Path, chosen: dict[str, Frames]) -> None:
     if {"train", "test"} <= set(chosen) and (both := {*chosen["train"].files} & {*chosen["test"].files}):
         raise InputError(f"{folder}: {min(both)} is a training and a test view; a score on it would mean nothing")
     angles = {split: frames.fov_x_radians for split, frames in chosen.items()}
-    if max(angles.values()) - min(angles.values()) > 1e-6:
-        raise InputError(f"{folder}: camera_angle_x differs between the splits ({angles}); one camera is supported")
+    low, high = (math.tan(angle / 2.0) for angle in (min(angles.values()), max(angles.values())))
+    if high - low > SAME_LENS * low:
+        each = ", ".join(f"{split} {angle:.6g}" for split, angle in angles.items())
+        raise InputError(
+            f"{folder}: the horizontal angle differs between the splits ({each} rad), and one camera is supported; "
+            "list all views in one transforms.json, whose frames may have lenses of their own"
+        )
 
 
 def _repeated_views(chosen: dict[str, Frames]) -> tuple[str, ...]:
@@ -194,6 +201,12 @@ def region_of(source: Source, manifest: JsonObject, folder: Path) -> Region:
         return source.region
     box = np.ravel(np.array(manifest["bounds"], dtype=np.float64)).tolist()
     return region_in(folder, tuple(box), float(manifest["near"]), float(manifest["far"]))
+
+
+def _name_of(file: Path, root: Path) -> str:
+    """Return the name of a view: its path without suffix, from a folder that need not hold it, if it is a link."""
+    inside = next((place for place in (root, root.parent) if file.is_relative_to(place)), file.parent.parent)
+    return file.relative_to(inside).with_suffix("").as_posix()
 
 
 @dataclass
@@ -218,8 +231,7 @@ class _Reader:
         stacks: list[ImageStack] = []
         noise: list[float] = []
         for file in frames.files:
-            inside = root if file.is_relative_to(root) else root.parent
-            names.append(file.relative_to(inside).with_suffix("").as_posix())
+            names.append(_name_of(file, root))
             images = self._own(file, geometry) if self.manifest else [self._foreign(file)]
             if not stacks:
                 require_room([image.shape for image in images], len(frames.files), self.scratch)

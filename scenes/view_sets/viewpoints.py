@@ -159,6 +159,7 @@ def rigid(poses: np.ndarray, names: list[str]) -> tuple[np.ndarray, list[str]]:
         notes.append(
             f"{int(scaled.sum())} of {len(poses)} camera matrices have a last number other than 1: it is undone."
         )
+    notes += _without_scale(poses)
     check_poses(poses, names, ROUNDED)
     rotation = poses[:, :3, :3]
     off = np.abs(np.swapaxes(rotation, 1, 2) @ rotation - np.eye(3)).max(axis=(1, 2))
@@ -170,6 +171,20 @@ def rigid(poses: np.ndarray, names: list[str]) -> tuple[np.ndarray, list[str]]:
             "as if rounded: the nearest rotation is taken."
         )
     return poses, notes
+
+
+def _without_scale(poses: np.ndarray) -> list[str]:
+    """Undo a camera object's own uniform scale, as Blender writes it: it does not move the camera. Return a note."""
+    axes = np.where(np.isfinite(poses[:, :3, :3]), poses[:, :3, :3], 0.0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        gram = np.swapaxes(axes, 1, 2) @ axes
+        square = np.trace(gram, axis1=1, axis2=2) / 3.0
+        is_uniform = np.abs(gram - square[:, None, None] * np.eye(3)).max(axis=(1, 2)) <= ROUNDED * square
+        scaled = is_uniform & (np.abs(square - 1.0) > ROUNDED) & (square > 1e-12) & (np.linalg.det(axes) > 0.0)
+    if not scaled.any():
+        return []
+    poses[scaled, :3, :3] /= np.sqrt(square[scaled])[:, None, None]
+    return [f"{int(scaled.sum())} of {len(poses)} cameras have a scale of their own: it is undone."]
 
 
 def check_poses(poses: np.ndarray, names: list[str], tolerance: float = 1e-3) -> None:

@@ -27,12 +27,12 @@ from scenes.view_sets.formats.lens import (
     resampling_note,
     seen_size,
 )
-from scenes.view_sets.formats.transforms import Frames, image_file
+from scenes.view_sets.formats.transforms import IMAGES, Frames, image_file, smaller_copies
 from scenes.view_sets.images import pictures
 from scenes.view_sets.source import Region, Source
 from scenes.view_sets.viewpoints import rigid
 
-IMAGES, LLFF = "images", "poses_bounds.npy"
+LLFF = "poses_bounds.npy"
 LARGEST_BYTES = 1 << 30
 HELD_OUT = 8
 MOST_RANGE = 20.0
@@ -105,14 +105,9 @@ def _pictures_of(path: Path) -> tuple[Path, list[str]]:
     """Return the folder of the pictures, and a note if it is one of the smaller copies that are kept next to it."""
     if (folder := path / IMAGES).is_dir():
         return folder, []
-    smaller = {
-        int(number): place
-        for place in path.glob(f"{IMAGES}_*")
-        if place.is_dir() and (number := place.name.removeprefix(f"{IMAGES}_")).isdecimal()
-    }
-    if not smaller:
+    if not (smaller := smaller_copies(path)):
         raise InputError(f"{folder}: no such folder (nor {IMAGES}_2, …); put the images of the cameras there")
-    folder = smaller[min(smaller)]
+    folder = smaller[0]
     return folder, [f"There is no folder {IMAGES}: {folder.name} is read."]
 
 

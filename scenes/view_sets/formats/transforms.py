@@ -4,6 +4,7 @@
 
 import json
 import math
+import unicodedata
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -18,10 +19,11 @@ from scenes.view_sets.images import header
 from scenes.view_sets.viewpoints import check_field_of_view, rigid
 
 LARGEST_FILE = 50 * 1024 * 1024
-SUFFIXES = (".png", ".jpg", ".jpeg")
+SUFFIXES = (".png", ".jpg", ".jpeg", ".webp")
 """The suffixes tried in turn if a frame's path has none."""
 SAME_FOCAL = 1e-4
 """The relative difference below which a value that is given twice is one value."""
+IMAGES = "images"
 PIXEL = 1.0
 """The deviation at a picture's edge, in pixels, above which two values of one focal length contradict each other."""
 PERSPECTIVE = ("PERSPECTIVE", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV")
@@ -68,7 +70,7 @@ class Camera(Struct, frozen=True, kw_only=True):
 class Frame(Camera, frozen=True, kw_only=True):
     file_path: str
     time: Number | None = None
-    transform_matrix: tuple[Row, Row, Row, Row]
+    transform_matrix: Annotated[list[Row], Meta(min_length=3, max_length=4)]
 
 
 class ViewRegion(Struct, frozen=True):
@@ -142,16 +144,18 @@ def read_listing(file: Path) -> Listing:
     Raises `InputError` that names the file, the value and the remedy.
     """
     try:
-        document = convert(read_json(file), Document)
+        document = convert(read_json(file), Document, strict=False)  # some programs write numbers as text
     except ValidationError as error:
         raise InputError(
-            f"{file}: {error}; it must hold finite numbers, and frames, each with file_path and transform_matrix, four "
-            "rows of four"
+            f"{file}: {error}; it must hold finite numbers, and frames, each with file_path and transform_matrix, "
+            "three or four rows of four"
         ) from error
     shared = {key: value for key in Camera.__struct_fields__ if (value := getattr(document, key)) is not None}
+    own = [key for key in shared if _differ_in_all([getattr(frame, key) for frame in document.frames], shared[key])]
+    notes = [f"{' '.join(own)}: given for all frames and for each frame; those of the frames decide."] if own else []
+    shared = {key: value for key, value in shared.items() if key not in own}
     cameras: dict[Path, Camera] = {}
     lenses: dict[Path, Lens | None] = {}
-    notes = []
     for number, frame in enumerate(document.frames):
         where = f"{file}: frame {number}"
         image = image_file(file.parent, frame.file_path, where)
@@ -167,7 +171,8 @@ def read_listing(file: Path) -> Listing:
     if pinhole is not None:
         notes += resampling_note(filter(None, lenses.values()), pinhole)
     names = [f"{file}: frame {i} ({frame.file_path})" for i, frame in enumerate(document.frames)]
-    poses, rounded = rigid(np.array([frame.transform_matrix for frame in document.frames], dtype=np.float64), names)
+    matrices = [[*frame.transform_matrix, (0.0, 0.0, 0.0, 1.0)][:4] for frame in document.frames]
+    poses, rounded = rigid(np.array(matrices, dtype=np.float64), names)
     notes += rounded
     if len({frame.time for frame in document.frames}) > 1:
         notes.append("Frames have different times: they are read as one scene that does not move.")
@@ -189,6 +194,11 @@ def _common(cameras: list[Camera], lenses: list[Lens | None], file: Path) -> tup
                 "w and h of each frame"
             )
     return first, None
+
+
+def _differ_in_all(each: list[object], value: object) -> bool:
+    """Return whether every frame has a value of its own, not always that which its file gives for all."""
+    return None not in each and not all(_same(own, value) for own in each)
 
 
 def _same(own: object, value: object) -> bool:
@@ -229,12 +239,16 @@ def image_file(folder: Path, path: str, where: str) -> Path:
     if not path or "\0" in path:
         raise InputError(f"{where}: file_path is {shown(path)}; it must be a path inside {folder}")
     root = folder.resolve()
-    relative = path.replace("\\", "/").removeprefix(f"{root.as_posix()}/")
+    relative = path.replace("\\", "/")
+    for place in (root, folder.absolute()):  # a folder that is itself reached by a link
+        relative = relative.removeprefix(f"{place.as_posix()}/")
     if relative.startswith("/") or ":" in relative.split("/")[0] or ".." in relative.split("/"):
         raise InputError(f"{where}: file_path {shown(path)} leaves the folder; paths must stay inside {folder}")
     named = root / relative
     try:
         candidates = [named, *(named.with_name(named.name + suffix) for suffix in SUFFIXES)]
+        if relative.startswith(f"{IMAGES}/") and not (root / IMAGES).is_dir():
+            candidates += [smaller / relative.removeprefix(f"{IMAGES}/") for smaller in smaller_copies(root)]
         file = next((file.resolve() for file in candidates if file.is_file()), None) or _in_other_case(candidates)
     except (OSError, ValueError) as error:  # a name too long, a loop of links
         raise InputError(f"{where}: file_path {shown(path)} cannot be followed ({error})") from error
@@ -245,12 +259,22 @@ def image_file(folder: Path, path: str, where: str) -> Path:
     return file
 
 
+def smaller_copies(folder: Path) -> list[Path]:
+    """Return the folders `images_2`, `images_4`, … of smaller copies of pictures, the largest pictures first."""
+    places = {place: place.name.removeprefix(f"{IMAGES}_") for place in folder.glob(f"{IMAGES}_*") if place.is_dir()}
+    return sorted((place for place, factor in places.items() if factor.isdecimal()), key=lambda each: int(places[each]))
+
+
 def _in_other_case(candidates: list[Path]) -> Path | None:
-    """Return the only file next to the candidates that has the name of a candidate, apart from case."""
-    names = {candidate.name.lower() for candidate in candidates}
+    """Return the only file next to the candidates that has the name of a candidate, apart from case and from how an
+    accent is encoded.
+    """
+    names = {unicodedata.normalize("NFC", candidate.name).lower() for candidate in candidates}
     folder = candidates[0].parent
     neighbours = folder.iterdir() if folder.is_dir() else ()
-    matches = [file for file in neighbours if file.name.lower() in names and file.is_file()]
+    matches = [
+        file for file in neighbours if unicodedata.normalize("NFC", file.name).lower() in names and file.is_file()
+    ]
     return matches[0].resolve() if len(matches) == 1 else None
 
 
@@ -337,9 +361,12 @@ def _redundant(camera: Camera, focal: tuple[float, float], size: tuple[int, int]
         if abs(half - focal[axis] * math.tan(angle / 2)) <= PIXEL:
             continue
         expected = 2 * math.atan(half / focal[axis])
-        longer = abs(0.5 * max(size) - focal[axis] * math.tan(angle / 2)) <= PIXEL
+        # of the longer side, or of Blender's sensor of 36 × 24 mm where its height decides
+        told = focal[axis] * math.tan(angle / 2)
+        longer = min(abs(0.5 * max(size) - told), abs(0.75 * size[1] - told)) <= PIXEL
         if camera.fl_x is not None and (axis == 1 or longer):
-            of = "the longer side" if longer else "something else, perhaps of the sensor"
+            is_side = abs(0.5 * max(size) - told) <= PIXEL
+            of = "the longer side" if is_side else "something else, perhaps of the sensor"
             notes.append(
                 f"{name} is {angle:.6g}, where focal length and size give {expected:.6g}: it is the angle of {of}, and "
                 "fl_x, w and h decide."

@@ -163,7 +163,7 @@ IN_A_FRAME: dict[str, tuple[dict[str, Any], str]] = {
     "link outside": ({"file_path": "train/link"}, "link out of the folder"),
     "path too long": ({"file_path": "x" * 5000}, "file_path"),
     "twice the same": ({"file_path": "./train/r_1"}, "list each image once"),
-    "three rows": ({"transform_matrix": POSES[0].tolist()[:3]}, "four rows"),
+    "two rows": ({"transform_matrix": POSES[0].tolist()[:2]}, "four rows"),
     "ragged": ({"transform_matrix": [*POSES[0].tolist()[:3], [0, 0, 1]]}, "four rows"),
     "text in the matrix": ({"transform_matrix": matrix_with(1, 2, "x")}, r"`str` .*transform_matrix\[1\]\[2\]"),
     "truth in the matrix": ({"transform_matrix": matrix_with(0, 0, True)}, "`bool` .*finite numbers"),
