@@ -134,13 +134,13 @@ def share_of_scenes(names: Iterable[str]) -> float:
     return sum(known) / len(known) if known else 0.0
 
 
-def quantity_in(texts: Sequence[str]) -> tuple[str, bool]:
-    """Return the metric that the first of `texts` names that names one, and whether one before it names a time or size
-    instead, so that the numbers are no scores.
+def quantity_in(texts: Sequence[str]) -> tuple[str, str]:
+    """Return the metric that the first of `texts` names that names one, else the first that names a time or a size, by
+    which the numbers are no scores.
     """
     for text in texts:
         if metric := metric_of(text):
-            return metric, False
+            return metric, ""
         if len(text.split()) <= 8 and not metrics_named(text) and is_aside(text):
-            return "", True
-    return "", False
+            return "", text
+    return "", ""
