@@ -342,13 +342,13 @@ def _wide(path: Path, table: _Table, metric: str | None, is_only: bool) -> Rows 
     if {*words_of(bare(of_rows := table.head(_column_of_labels(table))))} & {"step", "steps", "iteration", "epoch"}:
         raise InputError(f"{path}: has a row per {of_rows}, not per method or scene; give the results at the end")
     named, of_time = quantity_in([corner, *table.around])
-    named = named or metric_of(path.stem)
+    named = named or ("" if of_time else metric_of(path.stem))
     if not all(column.metric for column in kept) and "metric" not in table.roles:
-        if of_time and metric is None and not named:
+        if of_time and metric is None:
             if not is_only:
                 return None
             raise InputError(
-                f"{path}: holds a time or a size, and no scores ({of_time}); name its numbers with --metric to judge them"
+                f"{path}: holds a time or a size, and no scores ({of_time}); --metric NAME judges them all the same"
             )
         chosen = (metric or named).lower() or _guessed(path, table, kept)
         kept = [replace(column, metric=column.metric or chosen) for column in kept]
