@@ -13,6 +13,7 @@ from harness.studies.frontier.frontier_context import PHI_BUDGET
 from harness.studies.frontier.phi import sentences
 from harness.verdicts.statistics import paired_difference
 from reports.data.wording import counted, interval, listed, number, signed, significant
+from reports.studies.check_words import describe
 from tools.published.published_cells import Run
 from tools.published.run_blocks import table, target
 
@@ -103,11 +104,13 @@ def leaders(record: Studies) -> str:
 def stability(record: Studies) -> str:
     many = Counter((check.owner, check.status) for _, check in record.checks())
     tried = {whose: many[whose, "pass"] + many[whose, "fail"] for whose in ("ours", "paper", "usual")}
+    broken = [f"{study.info.id}, {describe(check)}" for study, check in record.broken]
+    failing = f" These of our code fail: {'; '.join(broken)}." if broken else ""
     return (
         f"In {len(record.studies)} cases {many['ours', 'pass']} of {tried['ours']} checks of our code pass and "
         f"{many['ours', 'inconclusive']} are inconclusive. The paper's printed formulas fail "
         f"{many['paper', 'fail']} of {tried['paper']} and the field's usual ones {many['usual', 'fail']} of "
-        f"{tried['usual']}. It took {sum(study.seconds for study in record.studies) / 60:.0f} minutes.\n\n"
+        f"{tried['usual']}.{failing} It took {sum(study.seconds for study in record.studies) / 60:.0f} minutes.\n\n"
         "![The matrix of cases in miniature](stability.png)"
     )
 
