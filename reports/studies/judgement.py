@@ -104,10 +104,11 @@ def methods_grid(record: JudgementRecord, ranking: Ranking, caption: str = FROM_
 def _note(ranking: Ranking, everything: bool) -> str:
     note = (
         f"Signs and intervals are at 95 % for all {ranking.family} comparisons together: signs by the step-down max-T "
-        "procedure over flips of the scenes' signs (Holm's with fewer than six scenes), intervals by Bonferroni's t, "
-        "which end at 0 where the two disagree. The detectable gap is the smallest true difference whose sign such a "
-        "table finds in 80 % of cases, and the scenes to settle are as many as would find this one. q is the lowest "
-        "false discovery rate at which a pair counts as different (Benjamini and Hochberg, over all pairs)."
+        "procedure over flips of the scenes' signs (Holm's where two methods share fewer than six scenes), intervals "
+        "by Bonferroni's t, which end at 0 where the two disagree. The detectable gap is the smallest true difference "
+        "whose sign such a table finds in 80 % of cases, and the scenes to settle are as many as would find this one. "
+        "q is the lowest false discovery rate at which a pair counts as different (Benjamini and Hochberg, over all "
+        "pairs)."
     )
     groups = (
         f" {letters_line(ranking)} The probability of being best is that of the mean over scenes like these (Bayesian "
