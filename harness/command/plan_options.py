@@ -152,7 +152,7 @@ def _changes() -> dict[str, Change]:
 
 def _with_view_sets(plan: "Plan", view_sets: Sequence[Path]) -> "Plan":
     from harness.plan.names import scene_name_of
-    from scenes.view_sets.formats.foreign import check_listed
+    from scenes.view_sets.view_set import check_listed
 
     known: dict[str, Path] = {}
     for path in view_sets:

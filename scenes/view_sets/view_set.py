@@ -176,6 +176,12 @@ def _frames(folder: Path, split: str, source: Source, manifest: JsonObject, coun
     return frames.of(evenly_spread(count, frames.camera_to_world)) if count < len(frames.files) else frames
 
 
+def check_listed(path: Path) -> None:
+    """Check the lists of views and their cameras without reading images. Raises `InputError` as `read_view_set`."""
+    source = source_of(path)
+    _require_consistent(path, {split: frames for split in SPLITS if (frames := source.frames(split)) is not None})
+
+
 def _require_consistent(folder: Path, chosen: dict[str, Frames]) -> None:
     """Raise `InputError` for a view that is both trained on and tested, and for splits of different cameras."""
     if {"train", "test"} <= set(chosen) and (both := {*chosen["train"].files} & {*chosen["test"].files}):

@@ -240,10 +240,3 @@ def source_of(path: Path) -> Source:
     if path.suffix.lower() == ".npz":
         return read_tiny_nerf(path)
     raise InputError(f"{path}: not a view set; name a folder, a {nerfstudio.NAME} or an .npz file")
-
-
-def check_listed(path: Path) -> None:
-    """Check the list of views and their cameras without reading images. Raises `InputError` as `source_of`."""
-    source = source_of(path)
-    for split in SPLITS:
-        source.frames(split)

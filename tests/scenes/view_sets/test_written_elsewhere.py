@@ -13,7 +13,7 @@ import pytest
 from scenes.files.errors import InputError
 from scenes.view_sets.formats.transforms import read_listing
 from scenes.view_sets.images import display_image, display_levels, pictures, write_png
-from scenes.view_sets.view_set import read_view_set
+from scenes.view_sets.view_set import check_listed, read_view_set
 from scenes.view_sets.viewpoints import all_poses
 from tests.scenes.view_sets.test_captures import write_colmap, write_llff
 
@@ -167,5 +167,6 @@ def test_splits_of_nearly_equal_lenses_are_one_and_others_are_told_the_way_out(t
     assert len(read_view_set(tmp_path / "scene").train.names) == 3
     document["camera_angle_x"] = 0.7
     (tmp_path / "scene" / "transforms_test.json").write_text(json.dumps(document))
-    with pytest.raises(InputError, match=r"train 0.69111, test 0.7 rad.*list all views in one transforms.json"):
-        read_view_set(tmp_path / "scene")
+    for read in (read_view_set, check_listed):  # the latter for --dry-run
+        with pytest.raises(InputError, match=r"train 0.69111, test 0.7 rad.*list all views in one transforms.json"):
+            read(tmp_path / "scene")
