@@ -52,7 +52,11 @@ def judge(
     if isinstance(table, str | Path):
         table = [table]
     elif not isinstance(table, Sequence):
-        table = table if table.index.names == [None] else table.reset_index()
+        import pandas as pd
+
+        table = table.copy() if isinstance(table.index, pd.RangeIndex) else table.reset_index()
+        if table.columns.nlevels > 1:
+            table.columns = [" ".join(map(str, names)).strip() for names in table.columns]
         table = table.astype(object).where(table.notna(), None).to_dict("records")
     rows = [each for each in table if isinstance(each, Mapping)]
     files = [Path(each) for each in table if not isinstance(each, Mapping)]

@@ -108,8 +108,9 @@ class Plan:
         for name in ("region", "ceiling_train_db", "ceiling_test_db"):
             if getattr(self.views, name) is None:
                 del kept["views"][name]
+        kept["given"] = [digest for _, digest in self.given]
         for name in ("extras", "given"):
-            if not getattr(self, name):
+            if not kept[name]:
                 del kept[name]
         if self.view_set is not None and len(self.view_set) == 1:
             kept["view_set"] = self.view_set[0]  # as older plans, which have only one

@@ -99,27 +99,30 @@ def _number(texts: dict[str, str], place: re.Match[str]) -> str:
 
 
 def guests(records: Records) -> str:
-    """State what Gaussians that were given reach, else what a method of another family reaches in the core seconds of
-    the baseline; empty if there is neither.
+    """State what a method of another family reaches in the core seconds of the baseline, and what Gaussians that were
+    given reach; empty if there is neither.
     """
-    for name in reversed(records.run.guests):
-        pairs = []
-        for cell in records.guest_cells:
-            for rival in records.cells_of(cell.scene, records.baseline):
-                scores = cell.scores.get("psnr"), rival.scores.get("psnr"), cell.train_core_seconds
-                if (cell.method, cell.seed) == (name, rival.seed) and None not in scores:
-                    pairs.append(scores)
-        if pairs:
-            theirs, ours, spent = (fmean(float(pair[place] or 0.0) for pair in pairs) for place in range(3))
-            if not spent:
-                reached = f"{number(theirs)} dB as given, {records.baseline} {number(ours)} dB"
-                return f"{name} reaches {reached} ({counted(len(pairs), 'scene')}; trained elsewhere, not judged)"
-            scenes = f"{counted(len(pairs), 'scene')}, {spent:.0f} core seconds per cell"
-            return (
-                f"{name} reaches {number(theirs)} dB with the same core seconds as {records.baseline}, which reaches "
-                f"{number(ours)} dB ({scenes}; one seed, not judged)"
-            )
-    return ""
+    return ". ".join(filter(None, (_guest(records, name) for name in records.run.guests)))
+
+
+def _guest(records: Records, name: str) -> str:
+    pairs = []
+    for cell in records.guest_cells:
+        for rival in records.cells_of(cell.scene, records.baseline):
+            scores = cell.scores.get("psnr"), rival.scores.get("psnr"), cell.train_core_seconds
+            if (cell.method, cell.seed) == (name, rival.seed) and None not in scores:
+                pairs.append(scores)
+    if not pairs:
+        return ""
+    theirs, ours, spent = (fmean(float(pair[place] or 0.0) for pair in pairs) for place in range(3))
+    scenes, baseline = counted(len(pairs), "scene"), records.baseline
+    if not spent:
+        reached = f"{number(theirs)} dB as given, {baseline} {number(ours)} dB"
+        return f"{name} reaches {reached} ({scenes}; trained elsewhere, not judged)"
+    return (
+        f"{name} reaches {number(theirs)} dB with the same core seconds as {baseline}, which reaches {number(ours)} dB "
+        f"({scenes}, {spent:.0f} core seconds per cell; one seed, not judged)"
+    )
 
 
 def how_sure(records: Records, evidence: Studies | None) -> list[str]:

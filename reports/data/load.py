@@ -90,6 +90,9 @@ class Records:
     def pictured_cells(self) -> list[CellRecord]:
         return [*self.cells, *self.guest_cells]
 
+    def has_curve(self, guest: str) -> bool:
+        return any(cell.curve for cell in self.guest_cells if cell.method == guest)
+
     @property
     def baseline(self) -> str:
         return self.run.roles.among(self.methods).baseline
@@ -164,8 +167,8 @@ def read_records(out: Path, partly: bool = False) -> Records:
         run = structs.replace(run, claims=claims_of(run.methods, ()), roles=usual_roles())
     left_out: list[str] | None = [] if partly else None
     cells = [cell for path in paths if (cell := if_valid(partial(read_cell, path), None, left_out)) is not None]
-    if not cells:
-        raise NoRecords(f"{folder}: no finished cell is valid; {finish}")
+    if all(cell.method in run.guests for cell in cells):
+        raise NoRecords(f"{folder}: no finished cell of a method is valid; {finish}")
     comparisons: list[Comparison] = if_valid(partial(read_comparisons, out, cells), [], left_out)
     extra = {name for name in run.methods if name not in run.main_methods}
     known = _in_order(run.main_methods, (cell.method for cell in cells if cell.method not in extra))

@@ -199,7 +199,7 @@ def _sections(content: _Content) -> Iterator[Section]:
 def _training(content: _Content) -> Iterator[Section]:
     records, parts = content.records, content.layout.parts
     if converging := content.figures("convergence"):
-        guests = [(parts.swatch(guest), guest) for guest in records.run.guests]
+        guests = [(parts.swatch(guest), guest) for guest in records.run.guests if records.has_curve(guest)]
         yield section("convergence", "Convergence", parts.legend([*content.keys, *guests], CONVERGENCE), converging)
     if content.work:
         chooser = parts.chooser(content.work, [plots(diagram.panels, diagram.name) for diagram in content.work])

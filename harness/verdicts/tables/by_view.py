@@ -9,7 +9,10 @@ from harness.verdicts.tables.numbers import is_column_of_numbers, is_missing, nu
 from harness.verdicts.tables.rows import Rows
 from scenes.files.errors import InputError
 
-VIEW = ("view", "image", "frame", "view_name", "image_name")
+VIEW = (
+    "view", "image", "frame", "view_name", "image_name", "img", "img_name", "view_id", "image_id", "frame_id",
+    "frame_idx", "filename",
+)  # fmt: skip
 """The names of a column of views, the preferred one first."""
 CELL = ("method", "scene", "seed")
 
@@ -50,7 +53,7 @@ def over_views(rows: Rows) -> Rows:
         stretches.append((path, unit, kept))
         before += len(numbers)
     note = "Scores are means over the views of a scene: scenes, and not views, are the units of a verdict."
-    return Rows(columns, stretches, rows.lower, [*rows.notes, note], rows.averages)
+    return Rows(columns, stretches, rows.arrows, [*rows.notes, note], rows.averages)
 
 
 def _require_same_views(rows: Rows, name: str, cells: dict[tuple[str, ...], dict[str, int]]) -> None:

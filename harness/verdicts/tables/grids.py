@@ -26,6 +26,8 @@ class Grid:
     lines: list[int]
     around: tuple[str, ...] = ()
     """The texts around that may name a metric, the nearest first: headings, sentences, captions."""
+    titles: tuple[str, ...] = ()
+    """The rows that are titles of groups, which are not in `rows`."""
 
 
 def grids_of(path: Path, text: str) -> list[Grid]:

@@ -10,28 +10,53 @@ SCENE = ("scene", "scene_name", "scenes", "object", "scan", "dataset", "data", "
 METHOD = ("method", "model", "algorithm", "approach", "method_name", "methods", "models", "name")
 """The names of a column of scenes or methods, the preferred one first."""
 LOWER = {name for name, metric in METRICS.items() if not metric.higher_is_better}
-LOWER |= {"rmse", "mse", "mae", "fid", "kid", "dists", "chamfer", "dssim", "error", "err", "loss"}
+LOWER |= {"rmse", "mse", "mae", "fid", "kid", "dists", "chamfer", "dssim", "mlpips", "error", "err", "loss"}
 """The metrics that are better when lower, also as part of a name, as in `lpips_vgg`."""
-HIGHER = {"psnr", "ssim", "iou", "msssim", "accuracy", "f1"}
+HIGHER = {"psnr", "ssim", "iou", "msssim", "mpsnr", "mssim", "accuracy", "f1"}
 KNOWN = {*METRICS, *LOWER, *HIGHER, "ms-ssim"} - {"error", "err", "loss"}
+INVERTED = re.compile(r"(?:1|one)\s*(?:[-−–]|[_ ]?minus[_ ]?)\s*|neg(?:ative)?[_ ]|inv(?:erse)?[_ ]")
+"""The beginning of the name of a metric that is turned round, as in `1 - SSIM`."""
+RUN = re.compile(
+    r"(?:^|[\s_/-]+)\(?seed[\s_#=-]*(\d+)\)?$|\s*[(\[](?:seed|run|trial)[\s_#=-]*(\d+)[)\]]$", re.IGNORECASE
+)
+"""The seed at the end of a name."""
 MEASURE = ("metric", "measure")
-SEED = ("seed", "run", "trial", "random_seed")
+SEED = ("seed", "run", "trial", "random_seed", "rep", "repeat", "run_id")
 VALUE = ("value", "score", "result", "mean")
 """The name of a column of numbers of which another column, the file or the text around says what they are."""
 ASIDE = {
-    "year", "venue", "publication", "params", "param", "parameters", "fps", "time", "memory", "mem", "vram", "size",
-    "gaussians", "points", "primitives", "storage", "steps", "iterations", "iters", "rank", "gpu", "speed", "hours",
-    "minutes", "views", "images", "epochs", "best", "hardware", "seed", "its",
+    "year", "venue", "publication", "params", "param", "parameters", "fps", "time", "times", "memory", "mem", "vram",
+    "size", "gaussians", "points", "primitives", "storage", "steps", "step", "iterations", "iters", "rank", "gpu",
+    "speed",
+    "hours", "minutes", "seconds", "views", "images", "epochs", "best", "hardware", "width", "height", "resolution",
+    "downscale",
 }  # fmt: skip
-"""The words of a column that holds neither scenes nor scores."""
+"""What a column is about that holds neither scenes nor scores."""
+WITH_ASIDE = {
+    "train", "training", "render", "rendering", "inference", "test", "model", "storage", "peak", "number", "num", "of",
+    "total", "optimization", "optimisation", "per", "scene", "disk", "in", "on", "the", "input", "avg", "average",
+    "mean",
+    "min", "mins", "sec", "mb", "gb", "h", "s", "ms", "m", "k",
+}  # fmt: skip
+"""The words that may stand next to them."""
 UNITS = {"db", "s", "sec", "ms", "min", "mins", "h", "hr", "hrs", "mb", "gb", "kb", "m", "k", "%", "it/s"}
-OF_TIME_OR_SIZE = UNITS - {"db", "%"}
-AVERAGE = {"avg", "average", "mean", "ø", "⌀"}
-WEAK_AVERAGE = {"all", "total", "overall"}
-"""The names that hold means of the others if their values do."""
-SPREAD = {"std", "sd", "stdev", "stddev", "stderr", "sem"}
-DIFFERENCE = ("δ", "∆", "delta", "diff", "gain", "improvement")
-QUALIFIERS = {*AVERAGE, *["test", "eval", "score", "value", "vgg", "alex", "db", "per", "view", "scene", "image"], ""}
+OF_TIME_OR_SIZE = {"sec", "ms", "min", "mins", "minutes", "hours", "hrs", "mb", "gb", "kb", "it/s"}
+AVERAGE = {"avg", "average", "mean", "ø", "⌀", "平均", "durchschnitt", "mittelwert", "moyenne", "promedio"}
+WITH_AVERAGE = {
+    "of", "all", "scenes", "scene", "the", "over", "indoor", "outdoor", "total", "overall", "real", "synthetic", "db",
+    *KNOWN,
+}  # fmt: skip
+"""The words that may stand next to them."""
+WEAK_AVERAGE = {"all", "total", "overall", *AVERAGE}
+"""The words in the names of what is a mean of the others if its values are."""
+SPREAD = {"std", "sd", "stdev", "stddev", "stderr", "sem", "deviation", "variance"}
+STATISTICS = {
+    "median", "min", "max", "minimum", "maximum", "worst", "sum", "range", "std. dev.", "σ", "p-value", "p value",
+    "var", "improv.", "macro", "aggregate", "summary",
+}  # fmt: skip
+"""The names of rows and columns of other statistics of results."""
+DIFFERENCE = re.compile(r"[δ∆]|(?:delta|diff|difference|gain|improvement)(?:$|[\s:(]+(?:$|over|vs|to|of|from|in))")
+QUALIFIERS = {*AVERAGE, "test", "eval", "score", "value", "vgg", "alex", "db", "per", "view", "scene", "image", ""}
 """The words next to the name of a metric that say nothing of a scene."""
 SCENES = frozenset(
     word
@@ -39,53 +64,61 @@ SCENES = frozenset(
         "chair drums ficus hotdog lego materials mic ship",
         "bicycle garden bonsai counter kitchen room stump flowers treehill",
         "fern flower fortress horns leaves orchids trex",
-        "truck barn caterpillar ignatius meetingroom courthouse auditorium ballroom courtroom museum palace temple",
-        "family francis horse lighthouse m60 panther playground drjohnson playroom",
+        "truck train barn caterpillar ignatius meetingroom courthouse auditorium ballroom courtroom museum palace",
+        "temple family francis horse lighthouse m60 panther playground drjohnson playroom",
     )
     for word in words.split()
 )
-"""The scenes of public data sets; `train` is left out, as it names a split as well."""
+"""The scenes of public data sets."""
 SCAN = re.compile(r"scan[ _]?\d+")
 
 
 def bare(name: str) -> str:
     """Return a header in lower case, without arrows, and without what stands in brackets."""
     text = re.sub(r"[(\[][^()\[\]]*[)\]]", " ", name.lower())
-    return " ".join(text.translate(dict.fromkeys(map(ord, ARROWS), " ")).split())
+    return " ".join(text.translate(dict.fromkeys(map(ord, f"{ARROWS}→"), " ")).split())
 
 
 def column_name(name: str) -> str:
-    """Return the name of a column in lower case, without arrows and units; `psnr` for `PSNR (dB) ↑` and `test_psnr`."""
+    """Return the name of a column in lower case, without arrows and units: `psnr` for `PSNR (dB) ↑`, `test_psnr`."""
     text = re.sub(r"\s*[(\[](?:db|s|↑|↓)[)\]]", "", name.strip(f" {ARROWS}").lower()).strip(f" {ARROWS}")
     is_mean = metric_of(text) and not beside_metric(text) and not {*words_of(text)} & {"vgg", "alex", *SPREAD}
-    return metric_of(text) if is_mean else text
+    return metric_of(text) if is_mean and not INVERTED.match(text) else text
 
 
-def is_lower(name: str) -> bool:
-    """Return whether an arrow says that a metric is better when lower."""
-    return any(sign in name for sign in "↓⬇▼")
+def arrow_of(name: str) -> str:
+    """Return `↑` or `↓` if a header says which way its metric is better, else nothing."""
+    text = name.lower()
+    down = any(sign in text for sign in "↓⬇▼") or "lower is better" in text
+    up = any(sign in text for sign in "↑⬆▲") or "higher is better" in text
+    return "" if down == up else "↓" if down else "↑"
 
 
 def words_of(name: str) -> list[str]:
-    return [word for word in re.split(r"[^a-z0-9øδ∆⌀#%-]+", name.lower()) for word in [word.strip("-")] if word]
+    return [word for word in re.split(r"[^\w#%∆⌀-]+|_", name.lower()) for word in [word.strip("-")] if word]
 
 
 def role_of(name: str) -> str:
     """Return `scene`, `method`, `metric` or `seed` for the name of a column of these, of two such names the first."""
     known = {"scene": {*SCENE}, "method": {*METHOD}}
     known |= {"metric": {*MEASURE, "metrics"}, "seed": {*SEED}}
-    for part in re.split(r"[\\/|]| vs\.? ", bare(name)):
+    parts = re.split(r"[\\/|]| vs\.? ", name)
+    if "→" in name and "↓" in name:  # an arrow that points at the rows
+        parts = [part for part in parts if "↓" in part]
+    for part in map(bare, parts):
+        word = re.sub(r"[\s_](?:id|name|no\.?|number)$", "", part.strip())
         for role, names in known.items():
-            if part.strip() in names:
+            if word in names or part.strip() in names:
                 return role
     return ""
 
 
 def metric_of(name: str) -> str:
     """Return the known metric that a name holds, in lower case; empty if none or several."""
-    if re.search(r"\b1\s*[-−–]\s*ssim|\bd-?ssim|ssim[ _]?(?:error|err|loss)", name.lower()):
+    low = name.lower()
+    if re.search(r"\bd-?ssim|ssim[ _](?:error|err|loss)", low) or (INVERTED.match(low) and "ssim" in low):
         return "dssim"
-    words = re.findall(r"[a-z0-9_\-]+", name.lower())
+    words = [re.sub(r"-(?:vgg|alex|squeeze|y|m|c)$", "", word) for word in re.findall(r"[a-z0-9_\-]+", low)]
     words += [part for word in words for part in word.split("_")]
     found = dict.fromkeys(word for word in words if word in KNOWN)
     if len(found) > 1:  # `depth_rmse` is one, and so is `ms-ssim`
@@ -106,24 +139,40 @@ def beside_metric(name: str) -> str:
 
 
 def seed_of(name: str) -> str | None:
-    match = re.search(r"(?:^|[\s_/-])(?:seed|run|trial)[\s_#-]*(\d+)$", name.lower())
-    return match[1] if match else None
+    match = RUN.search(name)
+    return match[1] or match[2] if match else None
+
+
+def without_seed(name: str) -> str:
+    return RUN.sub("", name).strip()
 
 
 def is_average(name: str) -> bool:
-    return bool({*words_of(bare(name))} & AVERAGE) or bare(name) in ("ø", "⌀")
+    """Return whether a name says only that it is a mean: `Avg.`, `Outdoor average`, `Mean PSNR`."""
+    words = {*words_of(bare(name))}
+    return bool(words & AVERAGE) and words <= AVERAGE | WITH_AVERAGE
+
+
+def may_be_average(name: str) -> bool:
+    return bool({*words_of(bare(name))} & WEAK_AVERAGE)
+
+
+def is_difference(name: str) -> bool:
+    return bool(DIFFERENCE.match(bare(name)))
 
 
 def is_aside(name: str) -> bool:
     """Return whether a column of this name holds neither scenes nor scores: a year, time, size, spread, difference."""
-    low = bare(name)
+    words = {*words_of(bare(name))}
     if metric_of(name):
-        return bool({*words_of(low)} & SPREAD)
-    in_brackets = re.findall(r"[(\[]([^()\[\]]*)[)\]]", name.lower())
+        return bool(words & {*SPREAD, "minutes", "hours", "seconds", "drop"})
+    in_brackets = {part.strip() for part in re.findall(r"[(\[]([^()\[\]]*)[)\]]", name.lower())}
     return (
-        bool({*words_of(low)} & (ASIDE | SPREAD))
-        or low.startswith(("#", *DIFFERENCE))
-        or any(part.strip() in OF_TIME_OR_SIZE for part in in_brackets)
+        (bool(words & (ASIDE | SPREAD)) and words <= ASIDE | SPREAD | WITH_ASIDE)
+        or bare(name).startswith(("#", "vs. ", "vs "))
+        or bare(name) in STATISTICS
+        or is_difference(name)
+        or bool(in_brackets & OF_TIME_OR_SIZE)
     )
 
 
@@ -135,12 +184,15 @@ def share_of_scenes(names: Iterable[str]) -> float:
 
 
 def quantity_in(texts: Sequence[str]) -> tuple[str, str]:
-    """Return the metric that the first of `texts` names that names one, else the first that names a time or a size, by
-    which the numbers are no scores.
+    """Return the metric that the first of `texts` names that names one, else the first that names a time, a size or a
+    spread, by which the numbers are no scores.
     """
     for text in texts:
+        if is_aside(text) or re.search(r"\btime in (?:min|sec|hour)|\bstandard deviation\b", text.lower()):
+            return "", text
         if metric := metric_of(text):
             return metric, ""
-        if len(text.split()) <= 8 and not metrics_named(text) and is_aside(text):
-            return "", text
+        is_short = len(text.split()) <= 5 and not metrics_named(text) and not role_of(text)
+        if arrow_of(text) and is_short and column_name(text):
+            return column_name(text), ""
     return "", ""

@@ -44,7 +44,7 @@ def read_json_rows(path: Path, text: str, place: ResultPlace = NOWHERE, metric: 
         raise InputError(f"{path}: is not JSON ({error}); write null for a missing result") from error
     metrics = data.get("metrics") if isinstance(data, dict) else None
     declared = [each for each in metrics if isinstance(each, dict)] if isinstance(metrics, list) else []
-    lower = frozenset(str(each.get("id")) for each in declared if each.get("ascending") is False)
+    arrows = {(str(each.get("id")), "↓") for each in declared if each.get("ascending") is False}
     rows = _rows(data, path, place)
     if not rows or not all(isinstance(row, dict) for row in rows):
         raise HoldsNoRows(f"{path}: holds no rows; {FORMS}")
@@ -54,7 +54,7 @@ def read_json_rows(path: Path, text: str, place: ResultPlace = NOWHERE, metric: 
     names = list(dict.fromkeys(name for row in rows for name, value in row.items() if _is_plain(value)))
     columns = [[row.get(name) if _is_plain(row.get(name)) else None for row in rows] for name in names]
     read = rows_of_columns(path, names, columns, metric)
-    return replace(read, lower=read.lower | lower)
+    return replace(read, arrows=read.arrows | arrows)
 
 
 def _is_plain(value: object) -> bool:
@@ -84,7 +84,7 @@ def _rows(data: Any, path: Path, place: ResultPlace) -> list[Any]:
         return [{**_scores(data["results"]), "scene": data.get("experiment_name"), "method": data["method_name"]}]
     if isinstance(data.get("scenes"), dict):
         return _of_method(data)
-    for name in ("methods", "cells"):
+    for name in ("methods", "cells", "results", "rows", "data"):
         # a run's summary also has a list of method names
         if isinstance(data.get(name), list) and all(isinstance(each, dict) for each in data[name]):
             return _rows(data[name], path, place)
@@ -102,10 +102,16 @@ def _of_data_frame(data: JsonObject) -> list[JsonObject]:
         return [
             dict(zip(["", *map(str, columns)], [name, *row], strict=False))
             for name, row in zip(index, values, strict=False)
-            if isinstance(row, list)
+            if isinstance(row, list) and len(row) == len(columns) and len(index) == len(values)
         ]
+    lists = list(data.values())
+    if lists and all(isinstance(each, list) and len(each) == len(lists[0]) for each in lists):
+        return [dict(zip(data, row, strict=True)) for row in zip(*lists, strict=True)]
     if not data or not all(isinstance(each, dict) and each for each in data.values()):
         return []
+    if all(name.lower() in METRICS for name in data):  # {metric: {method: {scene: value}}}
+        rows = {metric: _of_data_frame(each) for metric, each in data.items()}
+        return [{**row, "metric": metric} for metric, some in rows.items() for row in some]
     inner = [value for each in data.values() for value in each.values()]
     if all(isinstance(value, dict) for value in inner):
         turned = share_of_scenes(data) > 0.5
@@ -142,6 +148,7 @@ def _of_gaussian_splatting(data: JsonObject, path: Path, place: ResultPlace) -> 
         {
             **_scores(scores),
             "scene": place.scene or scene_folder(path),
+            "steps": float(name.rpartition("_")[2]),
             "method": " ".join(filter(None, (place.method, name if several else ""))),
         }
         for name, scores in data.items()

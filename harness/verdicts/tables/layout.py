@@ -10,20 +10,24 @@ from pathlib import Path
 from harness.records.metric_table import PRIMARY
 from harness.verdicts.tables.grids import Grid, grids_of
 from harness.verdicts.tables.headers import (
+    METHOD,
+    SCENE,
+    SPREAD,
     UNITS,
     VALUE,
+    arrow_of,
     bare,
     beside_metric,
     column_name,
     is_aside,
     is_average,
-    is_lower,
     metric_of,
     metrics_named,
     quantity_in,
     role_of,
     seed_of,
     share_of_scenes,
+    without_seed,
     words_of,
 )
 from harness.verdicts.tables.numbers import has_spread, is_failed, is_missing, number
@@ -34,7 +38,7 @@ PSNR_RANGE = (8.0, 70.0)
 """The range in which all numbers of a table without a name of a metric must lie to be read as PSNR."""
 INDEX = ("", "#", "no", "nr", "index", "idx", "id", "rank")
 """The names of a column that counts rows."""
-SPREAD = "Spreads behind ± or in brackets are left out: the judgement has its own."
+SPREADS = "Spreads behind ± or in brackets are left out: the judgement has its own."
 FILLED = "A blank name repeats the one above it."
 GUESSED = "No metric is named: the numbers are taken as PSNR, as all lie between 8 and 70 (--metric)."
 
@@ -44,17 +48,27 @@ def read_text(path: Path, text: str, metric: str | None) -> Rows:
     for a text without a table, and for a table that could be read in two ways.
     """
     grids = grids_of(path, text)
-    several = [rows for grid in grids if (rows := rows_in(path, grid, metric, len(grids) == 1)) is not None]
+    several, refused = list[Rows](), dict[int, str]()
+    for grid in grids:
+        try:
+            several.append(rows_in(path, grid, metric))
+        except InputError as error:
+            if len(grids) == 1:
+                raise
+            refused[grid.lines[0]] = str(error).removeprefix(f"{path}: ").removeprefix(f"{path}, ")
     if not several:
-        raise InputError(f"{path}: holds times or sizes, and no scores")
-    return several[0] if len(several) == 1 else _merged(path, several)
+        why = "; ".join(f"that of line {line}: {why}" for line, why in refused.items())
+        raise InputError(f"{path}: holds no table of results ({why})")
+    rows = several[0] if len(several) == 1 else _merged(path, several)
+    notes = [f"Table of line {line} left out: {why}." for line, why in refused.items()]
+    return replace(rows, notes=[*rows.notes, *notes])
 
 
-def rows_in(path: Path, grid: Grid, metric: str | None, is_only: bool = True) -> Rows | None:
-    """Return the rows of a grid; None for a grid of times or sizes that is not the only one."""
+def rows_in(path: Path, grid: Grid, metric: str | None) -> Rows:
+    """Return the rows of a grid. Raises `InputError` for one that holds no scores, or could be read in two ways."""
     table = _table(path, _tidied(grid))
     if not {"scene", "method"} <= set(table.roles):
-        return _wide(path, table, metric, is_only)
+        return _wide(path, table, metric)
     if "metric" in table.roles:
         return _melted(path, table)
     return _long(path, table)
@@ -67,11 +81,11 @@ def rows_of_columns(
     heads = [str(name).strip() for name in names]
     kept = [k for k, name in enumerate(heads) if not _counts_rows(name, [str(value) for value in columns[k]])]
     heads, columns = [heads[k] for k in kept], [columns[k] for k in kept]
-    if {"scene", "method"} <= {role_of(name) for name in heads} or not heads or not columns[0]:
+    roles = {role_of(name) for name in heads}
+    if ({"scene", "method"} <= roles and "metric" not in roles) or not heads or not columns[0]:
         return rows_of(path, heads, columns)
     body = [["" if value is None else str(value) for value in row] for row in zip(*columns, strict=True)]
     rows = rows_in(path, Grid([heads, *body], [*range(len(body) + 1)]), metric)
-    assert rows is not None  # it is the only table
     (_, _, numbers), *_ = rows.stretches
     return replace(rows, stretches=[(path, "row", numbers)])
 
@@ -104,7 +118,7 @@ def _tidied(grid: Grid) -> Grid:
     """
     width = range(len(grid.rows[0]))
     columns = [k for k in width if any(row[k].strip() for row in grid.rows)]
-    rows, lines, around = list[list[str]](), list[int](), list(grid.around)
+    rows, lines, around, titles = list[list[str]](), list[int](), list(grid.around), list[str]()
     for place, (row, line) in enumerate(zip(grid.rows, grid.lines, strict=True)):
         cells = [row[k].strip() for k in columns]
         filled = [cell for cell in cells if cell]
@@ -112,14 +126,16 @@ def _tidied(grid: Grid) -> Grid:
         if not filled or (place and all(_is_unit(cell) for cell in filled)):
             continue
         if is_title and len(columns) > 1 and not role_of(cells[0]) and number(cells[0]) is None:
-            if not rows:
+            if rows:
+                titles.append(cells[0])
+            else:
                 around.insert(0, cells[0])
             continue
         rows.append(cells)
         lines.append(line)
     if not rows:
         return Grid([[""]], [1], tuple(around))
-    return _one_score_per_cell(Grid(rows, lines, tuple(around)))
+    return _one_score_per_cell(Grid(rows, lines, tuple(around), tuple(titles)))
 
 
 def _is_unit(cell: str) -> bool:
@@ -151,11 +167,11 @@ def _one_score_per_cell(grid: Grid) -> Grid:
 
     below = [name for several in divided for name in (metrics if several else [""])]
     rows = [spread_out(grid.rows[0], True), below, *(spread_out(row, False) for row in grid.rows[1:])]
-    return Grid(rows, [grid.lines[0], grid.lines[0], *grid.lines[1:]], grid.around)
+    return replace(grid, rows=rows, lines=[grid.lines[0], grid.lines[0], *grid.lines[1:]])
 
 
 def _table(path: Path, grid: Grid) -> _Table:
-    first = next((k for k, row in enumerate(grid.rows) if k and _is_data(row)), len(grid.rows))
+    first = next((k for k, row in enumerate(grid.rows) if k and _is_data(row, grid.rows[0])), len(grid.rows))
     if {"scene", "method"} <= {role_of(cell) for cell in grid.rows[0]}:
         first = 1
     heads, body, lines = [list(row) for row in grid.rows[:first]], grid.rows[first:], grid.lines[first:]
@@ -163,16 +179,21 @@ def _table(path: Path, grid: Grid) -> _Table:
     if len(heads) > 1 and all(role_of(cell) for cell in heads[-1] if cell) and not all(heads[-1]):
         named = heads.pop()
         heads[-1] = [below or above for below, above in zip(named, heads[-1], strict=True)]
-    table = _Table(heads, body, lines, [], {}, [], grid.around)
+    titles = [f"Rows without results, taken as titles: {', '.join(grid.titles)}."] if grid.titles else []
+    table = _Table(heads, body, lines, [], {}, [], grid.around, titles)
     columns = range(len(heads[0]))
     is_index = {k for k in columns if _counts_rows(table.head(k), [row[k] for row in body])}
-    numeric = [k for k in columns if _is_numeric([row[k] for row in body]) and not role_of(table.head(k))]
-    names = [k for k in columns if k not in numeric and k not in is_index]
-    table.names = names or [0]
+    numeric = {k for k in columns if _is_numeric([row[k] for row in body]) and not _is_role(table, k)}
+    if len(numeric | is_index) == len(heads[0]) and body:
+        _require_results(path, table.head(0))
+        raise InputError(f"{path}: has no column of names; give a column of methods or of scenes")
+    table.names = [k for k in columns if k not in numeric | is_index] or [0]
     table.values = [k for k in columns if k not in table.names and k not in is_index]
-    for k in table.names:
-        if (role := role_of(table.head(k))) and role not in table.roles:
-            table.roles[role] = k
+    for role in ("scene", "method", "metric", "seed"):
+        places = [k for k in table.names if role_of(table.head(k)) == role]
+        order = {name: place for place, name in enumerate((*SCENE, *METHOD))}
+        if places:
+            table.roles[role] = min(places, key=lambda k: order.get(bare(table.head(k)), len(order)))
     _roles_by_content(table)
     _fill_headers(table)
     return table
@@ -188,14 +209,26 @@ def _roles_by_content(table: _Table) -> None:
             table.roles["metric"] = k
         elif "scene" not in table.roles and share_of_scenes(values) > 0.5:
             table.roles["scene"] = k
-    others = [k for k in table.names if k not in table.roles.values()]
-    if "scene" in table.roles and "method" not in table.roles and others and not is_aside(table.head(others[-1])):
+    scenes = [row[table.roles["scene"]] for row in table.body] if "scene" in table.roles else []
+    others = [k for k in table.names if k not in table.roles.values() and not role_of(table.head(k))]
+    # where each scene has one row, columns are methods
+    if len({*scenes}) < len(scenes) and "method" not in table.roles and others and not is_aside(table.head(others[-1])):
         table.roles["method"] = others[-1]
 
 
-def _is_data(row: Sequence[str]) -> bool:
+def _is_role(table: _Table, column: int) -> bool:
+    """Return whether a column of numbers is one of names or seeds: scores are no seeds."""
+    role = role_of(table.head(column))
+    values = [number(row[column]) for row in table.body]
+    return bool(role) and (role != "seed" or all(value is None or value.is_integer() for value in values))
+
+
+def _is_data(row: Sequence[str], first: Sequence[str]) -> bool:
     """Return whether a row holds results, rather than a second row of headers, such as the numbers of scans."""
-    return any(number(cell) is not None or (cell and is_missing(cell)) for cell in row[1:]) and not role_of(row[0])
+    if any(number(cell) is not None or (cell and is_missing(cell)) for cell in row[1:]):
+        return not role_of(row[0])
+    is_header = not row[0] or role_of(row[0]) or row[0] == first[0] or any(metric_of(cell) for cell in row[1:])
+    return not is_header
 
 
 def _counts_rows(name: str, values: list[str]) -> bool:
@@ -208,7 +241,7 @@ def _counts_rows(name: str, values: list[str]) -> bool:
 def _is_numeric(values: list[str]) -> bool:
     """Return whether at least half of a column's results are numbers; others are refused later, with their line."""
     known = [value for value in values if not is_missing(value)]
-    return 2 * sum(number(value) is not None for value in known) >= len(known) and any(values)
+    return 2 * sum(number(value) is not None for value in known) >= len(known) and bool(values)
 
 
 def _fill_headers(table: _Table) -> None:
@@ -231,7 +264,9 @@ def _long(path: Path, table: _Table) -> Rows:
     _fill_down(table, min(table.roles["scene"], table.roles["method"]))
     columns: list[list[object]] = [[row[k] for row in table.body] for k in kept]
     names, lines = [heads[k] for k in kept], table.lines
-    if len({seed for name in names if metric_of(name) and (seed := seed_of(name))}) > 1:
+    seeded = [name for name in names if metric_of(name) and seed_of(name)]
+    taken = {"seed", *(without_seed(name).lower() for name in seeded)} & {name.lower() for name in names}
+    if len({seed_of(name) for name in seeded}) > 1 and not taken:
         names, columns, lines = _with_seeds(names, columns, lines)
     notes = [*table.notes, *_notes_on([row[k] for row in table.body for k in table.values])]
     return rows_of(path, names, columns, "line", lines, notes=notes)
@@ -243,11 +278,11 @@ def _with_seeds(
     """Return columns such as `psnr_seed0` and `psnr_seed1` as one, with a column of seeds."""
     seeds = {place: seed for place, name in enumerate(names) if metric_of(name) and (seed := seed_of(name)) is not None}
     common = [place for place in range(len(names)) if place not in seeds]
-    metrics = list(dict.fromkeys(metric_of(names[place]) for place in seeds))
+    metrics = list(dict.fromkeys(without_seed(names[place]) for place in seeds))
     made: dict[str, list[object]] = {name: [] for name in [*(names[place] for place in common), "seed", *metrics]}
     every = list(dict.fromkeys(seeds.values()))
     for seed in every:
-        of_seed = {metric_of(names[place]): columns[place] for place, known in seeds.items() if known == seed}
+        of_seed = {without_seed(names[place]): columns[place] for place, known in seeds.items() if known == seed}
         for place in common:
             made[names[place]] += columns[place]
         made["seed"] += [seed] * len(lines)
@@ -258,11 +293,10 @@ def _with_seeds(
 
 def _melted(path: Path, table: _Table) -> Rows:
     """Return the rows of a table with a row per result and metric: columns metric and value."""
-    kept = [
-        column for k in table.values if not (column := _column(table, k)).is_left_out or bare(table.head(k)) in VALUE
-    ]
+    kept = [k for k in table.values if bare(table.head(k)) in VALUE]
+    kept = kept or [k for k in table.values if not is_aside(table.head(k))]
     if len(kept) != 1:
-        known = ", ".join(bare(table.head(column.place)) for column in kept) or "none"
+        known = ", ".join(bare(table.head(k)) for k in kept) or "none"
         raise InputError(f"{path}: has a column of metrics and {len(kept)} columns of numbers ({known}); keep one")
     roles = {role: table.roles[role] for role in ("scene", "method", "seed") if role in table.roles}
     cells: dict[tuple[str, ...], dict[str, object]] = {}
@@ -274,13 +308,13 @@ def _melted(path: Path, table: _Table) -> Rows:
             raise InputError(
                 f"{path}, line {line}: a second {column_name(name)} of {' '.join(key)}; rename or delete one"
             )
-        scores[column_name(name)] = row[kept[0].place]
+        scores[column_name(name)] = row[kept[0]]
         places.setdefault(key, line)
     kinds = list(dict.fromkeys(name for scores in cells.values() for name in scores))
     columns: list[list[object]] = [[key[k] for key in cells] for k in range(len(roles))]
     columns += [[scores.get(kind) for scores in cells.values()] for kind in kinds]
-    lower = frozenset(column_name(row[k]) for row in table.body if is_lower(row[k := table.roles["metric"]]))
-    return rows_of(path, [*roles, *kinds], columns, "line", list(places.values()), lower, table.notes)
+    arrows = {(column_name(row[k]), arrow_of(row[k])) for row in table.body for k in [table.roles["metric"]]}
+    return rows_of(path, [*roles, *kinds], columns, "line", list(places.values()), arrows=arrows, notes=table.notes)
 
 
 def _fill_down(table: _Table, column: int) -> None:
@@ -305,54 +339,109 @@ class _Column:
     """The scene, or the method in a turned table."""
     seed: str | None = None
     is_left_out: bool = False
+    arrow: str = ""
+    """The way that its metric is better, if a caption says so."""
 
 
-def _column(table: _Table, place: int) -> _Column:
-    metric, names, seed, left_out = "", [], None, False
-    parts = list(dict.fromkeys(row[place] for row in table.heads if row[place]))
-    for part in parts:
-        found = metric_of(part)
-        rest = beside_metric(part) if found else part
-        numbered = seed_of(rest) or (seed_of(part) if found else None)
-        if numbered is not None:
-            seed = numbered
-            rest = re.sub(r"(?i)[\s_/-]*(?:seed|run|trial)?[\s_#-]*\d+$", "", rest)
-        metric = metric or found
-        left_out |= (
-            (is_aside(part) and not found) or is_average(part) or ("train" in part.lower().split("_") and bool(found))
+def _columns(path: Path, table: _Table) -> list[_Column]:
+    """Say what each column of numbers holds, by the row of headers that names metrics and the rows that name scenes."""
+    if len(table.heads) == 1:
+        return _of_one_row(table)
+    named = [sum(bool(metric_of(row[k])) for k in table.values) for row in table.heads]
+    level = named.index(max(named)) if max(named) else None
+    columns = []
+    for k in table.values:
+        parts = list(dict.fromkeys(row[k] for place, row in enumerate(table.heads) if row[k] and place != level))
+        score = table.heads[level][k] if level is not None else ""
+        seeds = [seed for part in parts if (seed := seed_of(part)) is not None]
+        names = [name for part in parts if (name := without_seed(part)) and not role_of(part)]
+        is_out = is_aside(score) or any(is_average(part) or is_aside(part) for part in (*parts, score))
+        metric = "" if not score else metric_of(score) if not beside_metric(score) else column_name(score)
+        columns.append(_Column(k, metric or column_name(score), " ".join(names), seeds[0] if seeds else None, is_out))
+    if level is None and len(table.heads) > 1:
+        columns = _below_groups(path, table, columns)
+    return columns
+
+
+def _below_groups(path: Path, table: _Table, columns: list[_Column]) -> list[_Column]:
+    """Return columns with the lowest header, if the rows above it name groups of scenes, such as data sets."""
+    lowest = [without_seed(table.head(column.place)) for column in columns]
+    if any(column.seed for column in columns):
+        return columns
+    if len({*lowest}) < len(lowest):
+        repeated = next(name for name in lowest if lowest.count(name) > 1)
+        raise InputError(
+            f"{path}: has {repeated!r} below several headers, and no metric in them; give a column for each scene"
         )
-        if rest.strip():
-            names.append(rest.strip())
-    return _Column(place, metric, " ".join(names), seed, left_out)
+    return [replace(column, name=name) for column, name in zip(columns, lowest, strict=True)]
 
 
-def _wide(path: Path, table: _Table, metric: str | None, is_only: bool) -> Rows | None:
+def _of_one_row(table: _Table) -> list[_Column]:
+    columns, heads = [], [table.head(k) for k in table.values]
+    for k, part in zip(table.values, heads, strict=True):
+        found, is_out = metric_of(part), is_average(part) or is_aside(part)
+        rest = beside_metric(part) if found else part
+        is_out |= _is_spread_of(part, heads)
+        columns.append(_Column(k, found, without_seed(rest), seed_of(part), is_out))
+    kept = [column for column in columns if not column.is_left_out]
+    if not all(column.metric for column in kept):  # then `Ours w/ SSIM loss` names a method
+        columns = [replace(each, metric="", name=table.head(each.place)) if each.name else each for each in columns]
+        columns = [replace(each, name=without_seed(each.name)) for each in columns]
+    if {column.name.lower() for column in kept if column.metric} <= {
+        "",
+        "train",
+    }:
+        columns = [replace(each, is_left_out=each.is_left_out or bool(each.name and each.metric)) for each in columns]
+    return columns
+
+
+def _is_spread_of(name: str, heads: list[str]) -> bool:
+    """Return whether a header is that of another column with the word for a spread: `garden_std` next to `garden`."""
+    words = words_of(name)
+    rest = [word for word in words if word not in SPREAD]
+    return len(rest) < len(words) and any(words_of(head) == rest for head in heads)
+
+
+def _wide(path: Path, table: _Table, metric: str | None) -> Rows:
     """Return the rows of a table with a column per scene, or per method, or per pair with a metric or a seed."""
     if not table.body or not table.values:
         known = ", ".join(name.strip().lower() for name in table.heads[0]) or "none"
         raise InputError(f"{path}: has no column scene and no column method (columns: {known})")
-    columns = [_column(table, k) for k in table.values]
-    corner = " ".join(row[table.names[0]] for row in table.heads)
+    columns = _columns(path, table)
     kept = [column for column in columns if not column.is_left_out]
-    if kept and any(column.name for column in kept):  # the mean of another metric, such as SSIM behind PSNR by scene
+    if any(column.name for column in kept):  # without the mean of another metric, such as SSIM behind PSNR by scene
         kept = [column for column in kept if column.name]
-    if not any(column.name for column in kept):
+    else:
         _refuse_without_scenes(path, table, kept)
-    rows_are = _what_rows_are(table, [column.name for column in kept])
-    if {*words_of(bare(of_rows := table.head(_column_of_labels(table))))} & {"step", "steps", "iteration", "epoch"}:
-        raise InputError(f"{path}: has a row per {of_rows}, not per method or scene; give the results at the end")
-    named, of_time = quantity_in([corner, *table.around])
-    named = named or ("" if of_time else metric_of(path.stem))
+    _require_results(path, table.head(_column_of_labels(table)))
     if not all(column.metric for column in kept) and "metric" not in table.roles:
-        if of_time and metric is None:
-            if not is_only:
-                return None
-            raise InputError(
-                f"{path}: holds a time or a size, and no scores ({of_time}); --metric NAME judges them all the same"
-            )
-        chosen = (metric or named).lower() or _guessed(path, table, kept)
-        kept = [replace(column, metric=column.metric or chosen) for column in kept]
-    return _gathered(path, table, kept, columns, rows_are)
+        chosen, arrow = _metric_around(path, table, kept, metric)
+        kept = [replace(column, metric=column.metric or chosen, arrow=arrow) for column in kept]
+    return _gathered(path, table, kept, columns)
+
+
+def _metric_around(path: Path, table: _Table, kept: list[_Column], metric: str | None) -> tuple[str, str]:
+    """Return the metric of a table whose headers name none, and the arrow next to it: from its corner, its caption or
+    heading, `--metric`, its file, or else PSNR if all its numbers can be it.
+    """
+    texts = [" ".join(row[table.names[0]] for row in table.heads), *table.around]
+    named, of_time = quantity_in(texts)
+    if named:
+        return named, next(filter(None, (arrow_of(text) for text in texts if named in text.lower())), "")
+    if metric is not None:
+        return metric.lower(), ""
+    if not of_time and is_aside(path.stem.replace("_", " ")) and not metric_of(path.stem):
+        of_time = path.name
+    if of_time:
+        raise InputError(
+            f"{path}: holds a time or a size, and no scores ({of_time}); --metric NAME judges them all the same"
+        )
+    return metric_of(path.stem) or _guessed(path, table, kept), ""
+
+
+def _require_results(path: Path, of_rows: str) -> None:
+    if {*words_of(bare(of_rows))} & {"step", "steps", "iteration", "epoch"}:
+        raise InputError(f"{path}: has a row per {of_rows}, not per method or scene; give the results at the end")
 
 
 def _refuse_without_scenes(path: Path, table: _Table, columns: list[_Column]) -> None:
@@ -378,36 +467,45 @@ def _what_rows_are(table: _Table, columns: list[str]) -> str:
 
 
 def _column_of_labels(table: _Table) -> int:
-    """Return the column of names that is neither a metric nor a seed: the one with a role, else the last."""
+    """Return the column of names that is neither a metric nor a seed: the one with a role, else the first without
+    repetitions, else the last.
+    """
     named = [table.roles[role] for role in ("method", "scene") if role in table.roles]
-    others = [k for k in table.names if k not in table.roles.values()]
-    return (named or others or table.names)[0 if named else -1]
+    others = [k for k in table.names if k not in table.roles.values()] or table.names
+    values = {k: [row[k] for row in table.body] for k in others}
+    distinct = [k for k in others if len({*values[k]}) == len(values[k]) and all(values[k])]
+    return (named or distinct or others[-1:])[0]
 
 
-def _gathered(path: Path, table: _Table, kept: list[_Column], columns: list[_Column], rows_are: str) -> Rows:
+def _gathered(path: Path, table: _Table, kept: list[_Column], columns: list[_Column]) -> Rows:
     """Return the scores by scene, method and seed, and notes on all that is left out."""
+    rows_are = _what_rows_are(table, [column.name for column in kept])
     label, of_metric, of_seed = _column_of_labels(table), table.roles.get("metric"), table.roles.get("seed")
-    if of_metric is not None or of_seed is not None:
-        _fill_down(table, label)
+    for k in table.names[:-1]:
+        _fill_down(table, k)
     cells: dict[tuple[str, str, str | None], dict[str, object]] = {}
     places: dict[tuple[str, str, str | None], int] = {}
-    left_out: list[str] = []
+    means, others = list[str](), list[str]()
     for row, line in zip(table.body, table.lines, strict=True):
         name = row[label].strip()
         if not name:
             raise InputError(f"{path}, line {line}: has numbers and no name; give it one")
-        if is_average(name) or _is_difference(name):
-            left_out.append(name)
+        if is_average(name) or is_aside(name):
+            (means if is_average(name) else others).append(name)
             continue
         for column in kept:
-            scene, method = (name, column.name) if rows_are == "scene" else (column.name, name)
-            metric = (metric_of(row[of_metric]) or row[of_metric].lower()) if of_metric is not None else column.metric
-            seed = row[of_seed] if of_seed is not None else column.seed
-            scores = cells.setdefault((scene, method, seed), {})
+            parts = (name, column.name) if rows_are == "scene" else (column.name, without_seed(name))
+            metric = column_name(row[of_metric]) if of_metric is not None else column.metric
+            seed = (
+                row[of_seed] if of_seed is not None else column.seed or (seed_of(name) if rows_are != "scene" else None)
+            )
+            scores = cells.setdefault((*parts, seed), {})
             if metric in scores:
-                raise InputError(f"{path}, line {line}: a second {metric} of {method} on {scene}; rename or delete one")
+                raise InputError(
+                    f"{path}, line {line}: a second {metric} of {parts[1]} on {parts[0]}; rename or delete one"
+                )
             scores[metric] = row[column.place]
-            places.setdefault((scene, method, seed), line)
+            places.setdefault((*parts, seed), line)
     kinds = list(dict.fromkeys(metric for scores in cells.values() for metric in scores))
     names = ["scene", "method"]
     data: list[list[object]] = [[key[0] for key in cells], [key[1] for key in cells]]
@@ -415,25 +513,25 @@ def _gathered(path: Path, table: _Table, kept: list[_Column], columns: list[_Col
         names.append("seed")
         data.append([key[2] for key in cells])
     data += [[scores.get(kind) for scores in cells.values()] for kind in kinds]
-    unused = [k for k in table.names if k not in (label, of_metric, of_seed) and any(row[k] for row in table.body)]
+    arrows = {(c.metric, arrow) for c in kept for arrow in (c.arrow, *(arrow_of(row[c.place]) for row in table.heads))}
+    if of_metric is not None:
+        arrows |= {(column_name(row[of_metric]), arrow_of(row[of_metric])) for row in table.body}
     out = [column.place for column in columns if column.place not in {each.place for each in kept}]
-    means = [table.head(k) for k in out if any(is_average(row[k]) for row in table.heads)]
-    others = [table.head(k) for k in sorted([*out, *unused]) if table.head(k) not in means]
+    unused = [k for k in table.names if k not in (label, of_metric, of_seed) and any(row[k] for row in table.body)]
+    means = [*(table.head(k) for k in out if any(is_average(row[k]) for row in table.heads)), *means]
+    heads = [table.head(k) or "(without a name)" for k in sorted([*out, *unused])]
+    if others := [*dict.fromkeys(name for name in (*heads, *others) if name not in means)]:
+        table.notes.append(f"Left out, as neither results nor their means: {', '.join(others)}.")
     notes = [*table.notes, *_notes_on([row[column.place] for row in table.body for column in kept])]
-    if others := [*dict.fromkeys(filter(None, others))]:
-        notes.append(f"Columns left out, which are no scenes: {', '.join(others)}.")
-    lower = frozenset(c.metric for c in kept if any(is_lower(row[c.place]) for row in table.heads))
-    averages = [*dict.fromkeys([*means, *left_out])]
-    return rows_of(path, [*names, *kinds], data, "line", list(places.values()), lower, notes, averages)
-
-
-def _is_difference(name: str) -> bool:
-    return bare(name).startswith(("δ", "∆", "delta", "diff"))
+    return rows_of(
+        path, [*names, *kinds], data, "line", list(places.values()), arrows=arrows, notes=notes,
+        averages=[*dict.fromkeys(means)],
+    )  # fmt: skip
 
 
 def _notes_on(cells: list[str]) -> list[str]:
     failed = [cell for cell in cells if is_failed(cell)]
-    notes = [SPREAD] if any(has_spread(cell) for cell in cells) else []
+    notes = [SPREADS] if any(has_spread(cell) for cell in cells) else []
     if failed:
         words = ", ".join(dict.fromkeys(cell.strip() for cell in failed))
         notes.append(f"{len(failed)} results are missing, as their runs gave none ({words}).")
@@ -442,8 +540,13 @@ def _notes_on(cells: list[str]) -> list[str]:
 
 def _guessed(path: Path, table: _Table, kept: list[_Column]) -> str:
     """Return PSNR if all numbers of a table without a name of a metric can be it; raises `InputError` otherwise."""
-    values = [number(row[column.place]) for row in table.body for column in kept if not is_missing(row[column.place])]
-    if all(value is not None and PSNR_RANGE[0] <= value <= PSNR_RANGE[1] for value in values):
+    values = []
+    for row, line in zip(table.body, table.lines, strict=True):
+        for cell in (row[column.place] for column in kept if not is_missing(row[column.place])):
+            if (value := number(cell)) is None:
+                raise InputError(f"{path}, line {line}: {cell!r} is not a number; leave the field empty")
+            values.append(value)
+    if all(PSNR_RANGE[0] <= value <= PSNR_RANGE[1] for value in values):
         table.notes.append(GUESSED)
         return PRIMARY
     raise InputError(f"{path}: does not say which metric it holds, and its numbers are no PSNR; name it with --metric")
@@ -466,7 +569,7 @@ def _merged(path: Path, parts: list[Rows]) -> Rows:
             places.setdefault(same, numbers[row])
     names = list(dict.fromkeys(name for cell in cells.values() for name in cell))
     columns = [[cell.get(name) for cell in cells.values()] for name in names]
-    lower = frozenset().union(*(part.lower for part in parts))
+    arrows = {arrow for part in parts for arrow in part.arrows}
     notes = list(dict.fromkeys(note for part in parts for note in part.notes))
     averages = tuple(dict.fromkeys(name for part in parts for name in part.averages))
-    return rows_of(path, names, columns, "line", list(places.values()), lower, notes, averages)
+    return rows_of(path, names, columns, "line", list(places.values()), arrows=arrows, notes=notes, averages=averages)

@@ -8,7 +8,8 @@ from typing import Any
 LARGEST = 1e12
 """The limit of scores, whose squares are finite."""
 MISSING = (
-    "", "-", "--", "---", "–", "—", "−", "n/a", "n.a.", "na", "none", "null", "x", "✗", "✘", "×", "?", "tba", "tbd",
+    "", "-", "--", "---", "–", "—", "−", "n/a", "n.a.", "na", "none", "null", "x", "✗", "✘", "×", "?", "tba",
+    "tbd", "n.d.", "#n/a",
     "/", ".", "...", "…", "n/r",
 )  # fmt: skip
 """What stands for a result that does not exist. NaN does not: it may be the result of a run that diverged."""
@@ -31,20 +32,29 @@ SIGNS = {
     "\\xmark": "✗",
 }
 ARGUMENT = r"(?:\[[^\]]*\]|\{[^{}]*\})"
+DIAGONAL = re.compile(r"\\(?:diagbox|(?:back)?slashbox)(?:\[[^\]]*\])?\{([^{}]*)\}\{([^{}]*)\}")
 DROPPED = re.compile(
-    rf"\\(?:cite[a-z]*|textsuperscript|footnote(?:mark|text)?|tablefootnote|label|ref|rule|hspace|vspace|cdashline|"
-    rf"addlinespace|Xhline|cmidrule|cline|specialrule|hhline|arrayrulecolor|noalign)\*?(?:\([^)]*\))?{ARGUMENT}*"
+    rf"\\(?:cite[a-z]*|textsuperscript|textsubscript|footnote(?:mark|text)?|tablefootnote|label|ref|rule|hspace|vspace|cdashline|"
+    rf"addlinespace|Xhline|cmidrule|cline|specialrule|hhline|arrayrulecolor|noalign)(?![a-zA-Z])\*?(?:\([^)]*\))?{ARGUMENT}*"
 )
 """LaTeX commands that are not part of a cell, with their arguments."""
 FIRST_DROPPED = re.compile(
-    r"\\(?:cellcolor|rowcolor|color|textcolor|colorbox|multirow|rotatebox|scalebox|raisebox)\*?(?:\[[^\]]*\])*\{[^{}]*\}"
+    r"\\(?:cellcolor|rowcolor|color|textcolor|colorbox|rotatebox|scalebox|raisebox|SetCell)"
+    r"\*?(?:\[[^\]]*\])*\{[^{}]*\}(?:\[[^\]]*\])*"
 )
 """LaTeX commands whose first argument is not part of the cell, nor the second of `FRAMED` and `MULTIROW`."""
 MULTIROW = re.compile(r"\\multirow\*?(?:\[[^\]]*\])*\{[^{}]*\}(?:\[[^\]]*\])*\{[^{}]*\}")
 SPREAD_COMMAND = re.compile(r"\\[a-zA-Z]*(?:std|err|dev|pm)[a-zA-Z]*\s*\{([^{}]*)\}")
+FRAME = re.compile(r"\\fcolorbox\{[^{}]*\}\{[^{}]*\}")
+SMALLER = re.compile(r"(?<=\d)\s*\{\s*\\(?:tiny|scriptsize|footnotesize|small)\s*([^{}±]*)\}")
+"""What stands in small print behind a number, such as a gain or a spread without its sign."""
+TWO = re.compile(r"\\[a-zA-Z]+\{([^{}]*)\}\{([^{}]*)\}")
 WRAPPER = re.compile(r"\\[a-zA-Z]+\*?(?:\[[^\]]*\])?\{([^{}]*)\}")
-RAISED = re.compile(r"(?<=\d)\^(?:\{[^{}]*\}|\\[a-zA-Z]+|[^\s{}])|\^\{?(?:\\(?:d?dagger|ast|star)|\*)\}?|\^(?=[\w{])")
-"""Footnote marks, and all that is raised behind a number; of other raised text only the sign."""
+RAISED = re.compile(
+    r"(?<=\d)(?:\^(?:\{[^{}]*\}|\\[a-zA-Z]+|[^\s{}])|_\{(?!\s*±)[^{}]*\}|_\d(?=\$))|"
+    r"\^\{?(?:\\(?:d?dagger|ast|star)|\*)\}?|\^(?=[\w{])"
+)
+"""Footnote marks, and what is raised or lowered behind a number but a spread; of other raised text only the sign."""
 MARKS = " *†‡§¶🥇🥈🥉¹²³⁴⁵⁶⁷⁸⁹⁰"
 NUMBER = re.compile(
     r"([+\-−]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+\-]?\d+)?)\s*(?:dB|db|%|s)?\s*"
@@ -54,20 +64,36 @@ THOUSANDS = re.compile(r"[1-9]\d{0,2}(?:,\d{3})+")
 
 
 def plain(text: str) -> str:
-    """Return a cell without the markup of LaTeX, Markdown and HTML."""
+    """Return a cell without the markup of LaTeX, Markdown and HTML. Of a cell that is only an unknown command, the name
+    of that command.
+    """
+    given = text
+    text = re.sub(r"\s*(?:\\times|\\cdot|×)\s*10\s*\^\s*\{?\s*([-−+]?\d+)\s*\}?", r"e\1", text)
+    text = re.sub(r"\[\^[^\[\]]*\]", "", text)  # a footnote of Markdown
     for sign, character in SIGNS.items():
-        text = text.replace(sign, character)
-    text = FIRST_DROPPED.sub("", MULTIROW.sub("", DROPPED.sub("", text)))
+        text = re.sub(re.escape(sign) + r"(?![a-zA-Z])" * sign[-1].isalpha(), character, text)
+    text = FRAME.sub("", MULTIROW.sub("", DROPPED.sub("", DIAGONAL.sub(r"\1 / \2", text))))
+    text = FIRST_DROPPED.sub("", text)
     text = RAISED.sub("", re.sub(r"\$\^", "^", text).replace("^↑", "↑").replace("^↓", "↓"))
-    text = SPREAD_COMMAND.sub(r" ± \1", text)
-    text = re.sub(r"\\\\(?:\[[^\]]*\])?", " ", text)  # a line break within a cell
-    while (inner := WRAPPER.sub(r"\1", text)) != text:
+    text = SMALLER.sub(r" (\1)", SPREAD_COMMAND.sub(r" ± \1", text))
+    text = re.sub(r"\\\\(?:\[[^\]]*\])?|<br\s*/?>", " ", text)  # a line break within a cell
+    while (inner := WRAPPER.sub(r"\1", TWO.sub(_of_two, text))) != text:
         text = inner
     text = re.sub(r"\\[a-zA-Z]+\*?|[${}]|</?[a-zA-Z]+(?:\s[^<>]*)?/?>", "", text).replace("\\,", " ").replace("\\", "")
     text = re.sub(r"_\s*(?=±)", " ", text)
     text = re.sub(r"!?\[([^\[\]]*)\]\([^()]*\)", r"\1", text)  # a link of Markdown
-    text = re.sub(r"(\*{1,3}|_{2,3}|`)(?=\S)(.+?)(?<=\S)\1", r"\2", text)
-    return re.sub(r"\s+", " ", text).strip(MARKS)
+    for _ in range(2):
+        text = re.sub(r"(\*{1,3}|_{1,3}|`)(?=\S)(.+?)(?<=\S)\1(?!\w)", r"\2", text) if text[:1] in "*_`" else text
+    text = re.sub(r"\s+", " ", text).strip(" 🥇🥈🥉⭐🏆")
+    if not text and (command := re.fullmatch(r"\s*\\([a-zA-Z]{2,})(?:\{\})?\s*", given)):
+        return command[1]
+    # marks belong to names, such as `Ours†`, and not to numbers
+    return stripped if number(stripped := text.strip(MARKS)) is not None or not stripped else text
+
+
+def _of_two(match: re.Match[str]) -> str:
+    """Return of an unknown command with two arguments the first if it is a number, as in `\\score{27.1}{2}`."""
+    return match[1] if number(match[1]) is not None else f"{match[1]} {match[2]}"
 
 
 def is_missing(value: object) -> bool:

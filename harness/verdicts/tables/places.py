@@ -7,7 +7,7 @@ from pathlib import Path
 
 from harness.verdicts.tables.headers import share_of_scenes
 
-PER_VIEW, RESULTS = "per_view.json", "results.json"
+RESULTS = "results.json"
 STATISTICS = ("stats", "results", "eval", "test")
 """Folders between the folder of a scene and its file of results."""
 DATASETS = frozenset(
@@ -15,7 +15,9 @@ DATASETS = frozenset(
     deepblending dtu nerfdata zipnerf phototourism""".split()  # noqa: SIM905
 )
 """Folders of data sets between method and scene, in lower case without other characters."""
-SEED = re.compile(r"(?:seed|run|trial)[_-]?(\d+)")
+SEED = re.compile(r"(.*?)[_-]?(?:seed|run|trial)[_-]?(\d+)")
+WITHOUT_NAME = re.compile(r"ours_\d+|\d{4}-?\d{2}-?\d{2}(?:[_T-]?\d+)*")
+"""Folders of a number of steps, and of a time."""
 GENERAL = re.compile(r"(?:results?|metrics?|stats?|eval|test|val|scores?|summary|output|train|per_view)(?:[_-].*)?")
 """The names of files that say nothing of the scene."""
 
@@ -42,18 +44,17 @@ def places_below(folder: Path, is_one_of_several: bool) -> dict[Path, ResultPlac
         and not file.name.startswith("train_step")
     ]
     # 3D Gaussian Splatting keeps cameras.json and per_view.json next to it
-    of_scenes = [file for file in every if file.name == RESULTS]
-    files = of_scenes or [file for file in every if file.name != PER_VIEW] or every
-    parts = {file: _parts(file.relative_to(folder)) for file in files}
-    outer, inner = ([names[end] for names, _ in parts.values() if len(names) > 1] for end in (0, -1))
-    is_turned = share_of_scenes(outer) > 0.5 >= share_of_scenes(inner)
+    of_scenes = {file.parent for file in every if file.name == RESULTS}
+    files = [file for file in every if file.parent not in of_scenes or file.name == RESULTS]
     siblings = Counter(file.parent for file in files)
+    named = {file: _named(file.relative_to(folder), siblings[file.parent] > 1) for file in files}
+    depth = max((len(names) for names, _ in named.values()), default=0)
+    level, datasets = _levels([names for names, _ in named.values() if len(names) == depth])
     places = {}
-    for file, (names, seed) in parts.items():
-        if names and not GENERAL.fullmatch(file.stem) and len(names) == 1:
-            names = [*names, file.stem] if siblings[file.parent] > 1 else names
-        scene = names[0 if is_turned else -1] if names else ""
-        others = names[1:] if is_turned else names[:-1]
+    for file, (names, seed) in named.items():
+        at = level if len(names) == depth else len(names) - 1
+        scene = names[at] if names else ""
+        others = [name for place, name in enumerate(names) if place != at and place not in datasets]
         method = "/".join([*([folder.resolve().name] if is_one_of_several and names else []), *others])
         step = re.search(r"step_?(\d+)", file.stem)
         if step and siblings[file.parent] > 1:
@@ -62,14 +63,37 @@ def places_below(folder: Path, is_one_of_several: bool) -> dict[Path, ResultPlac
     return places
 
 
-def _parts(relative: Path) -> tuple[list[str], str | None]:
-    """Return the folders of a file that name method and scene, and the seed if one of them does."""
-    names = [name for name in relative.parts[:-1] if name not in STATISTICS]
-    seeds = [match[1] for name in names if (match := SEED.fullmatch(name.lower()))]
-    names = [name for name in names if not SEED.fullmatch(name.lower())]
-    between = [name for name in names[1:-1] if re.sub(r"[^a-z0-9]", "", name.lower()) not in DATASETS]
-    names = [*names[:1], *between, *names[1:][-1:]]
-    return names, seeds[0] if seeds else None
+def _levels(names: list[list[str]]) -> tuple[int, set[int]]:
+    """Return which folder names the scene, the last one if no other names scenes that everybody knows, and which ones
+    name data sets.
+    """
+    levels = [list(dict.fromkeys(each)) for each in zip(*names, strict=True)]
+    shares = list(map(share_of_scenes, levels))
+    scene = shares.index(max(shares)) if max(shares, default=0.0) > 0.5 else len(levels) - 1
+    of_sets = {
+        place
+        for place, each in enumerate(levels)
+        if place != scene
+        and (len(each) == 1 or all(re.sub(r"[^a-z0-9]", "", name.lower()) in DATASETS for name in each))
+    }
+    return scene, of_sets if len(of_sets) < len(levels) - 1 else set()
+
+
+def _named(relative: Path, has_siblings: bool) -> tuple[list[str], str | None]:
+    """Return the folders of a file that name method and scene, with its own name if that is a scene's, and the seed if
+    one of them tells it.
+    """
+    names, seed = [], None
+    for part in relative.parts[:-1]:
+        if part in STATISTICS or WITHOUT_NAME.fullmatch(part):
+            continue
+        if match := SEED.fullmatch(part.lower()):
+            seed, part = match[2], part[: len(match[1])]
+        if part:
+            names.append(part)
+    if len(names) == 1 and has_siblings and not GENERAL.fullmatch(relative.stem):
+        names.append(relative.stem)
+    return names, seed
 
 
 def scene_folder(path: Path) -> str:

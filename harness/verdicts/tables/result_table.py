@@ -2,7 +2,8 @@
 
 import math
 import re
-from collections.abc import Sequence
+import shlex
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -10,7 +11,17 @@ import numpy as np
 
 from harness.records.metric_table import METRICS, PRIMARY, possible_range
 from harness.verdicts.tables.files import read_rows
-from harness.verdicts.tables.headers import HIGHER, LOWER, WEAK_AVERAGE, bare, is_aside, is_average, metric_of
+from harness.verdicts.tables.headers import (
+    HIGHER,
+    INVERTED,
+    LOWER,
+    WEAK_AVERAGE,
+    bare,
+    is_aside,
+    is_average,
+    may_be_average,
+    metric_of,
+)
 from harness.verdicts.tables.numbers import LARGEST, decimals, is_column_of_numbers, is_missing, number
 from harness.verdicts.tables.rows import Rows
 from scenes.files.errors import InputError
@@ -79,12 +90,14 @@ def table_of(
     values = _values(rows, chosen, of_rows)
     spent = [_numbers(rows, name) for name in ("seconds", "core_seconds", "steps")]
     names, scenes, seeds = (encoded.names for encoded in of_rows)
-    averages = _averages(scenes, values)
+    averages, of_methods = _averages(scenes, values), _averages(names, values.swapaxes(0, 1), by_value=False)
     kept_scenes = [k for k in range(len(scenes)) if k not in averages and np.isfinite(values[:, k]).any()]
     there = np.isfinite(values[:, kept_scenes]).any(axis=(1, 2))
     asked = range(len(names)) if not methods else [_place(name, names) for name in dict.fromkeys(methods)]
-    kept = [k for k in asked if there[k]]
+    kept = [k for k in asked if there[k] and k not in of_methods]
     lacking = ", ".join(names[k] for k in asked if not there[k])
+    without = [name for k, name in enumerate(scenes) if not np.isfinite(values[:, k]).any()]
+    lacking = ", ".join(filter(None, [lacking, *without]))
     notes = [f"Without any result, left out: {lacking}."] if lacking else []
     if len(kept) < 2:
         many = f"{len(kept)} method{'s' * (len(kept) != 1)}"
@@ -95,12 +108,17 @@ def table_of(
     if len(kept_scenes) < 2:
         many = f"{len(kept_scenes)} scene{'s' * (len(kept_scenes) != 1)}"
         raise InputError(f"{source}: has {many} with results; the spread of scenes is not known below two")
-    higher, guess = _direction(chosen, {name.lower() for name in lower} | rows.lower)
+    higher, guess = _direction(chosen, {name.lower() for name in lower}, dict(rows.arrows))
     seconds, core_seconds, steps = ([_mean(each[of_rows[0].codes == k]) for k in kept] for each in spent)
     notes += _shared_cells(rows, of_rows)
     size = f"{len(kept)} methods × {len(kept_scenes)} scenes"
     size += f" × {len(seeds)} seeds" if len(seeds) > 1 else ""
-    means = [*rows.averages, *(scenes[k] for k in averages)]
+    notes += [
+        f"{scenes[k]} is taken for a scene: its values are no means of the others."
+        for k in kept_scenes
+        if bare(scenes[k]) in WEAK_AVERAGE
+    ]
+    means = [*rows.averages, *(scenes[k] for k in averages), *(names[k] for k in of_methods)]
     left_out = f"; left out as means of the others: {', '.join(means)}" if means else ""
     return ResultTable(
         source=str(source),
@@ -171,16 +189,18 @@ def _values(rows: Rows, chosen: str, of_rows: Sequence["_Encoded"]) -> np.ndarra
     return values
 
 
-def _averages(scenes: list[str], values: np.ndarray) -> list[int]:
-    """Return the scenes that are means of the others: by name, or, at either end of the table, by all their values."""
+def _averages(scenes: list[str], values: np.ndarray, by_value: bool = True) -> list[int]:
+    """Return the scenes that are means of the others: by name, or, at either end of the table, by all their values if
+    `by_value`; for methods, `values` is turned.
+    """
     named = [k for k, name in enumerate(scenes) if is_average(name)]
-    weak = [k for k, name in enumerate(scenes) if bare(name) in WEAK_AVERAGE]
+    weak = [k for k, name in enumerate(scenes) if may_be_average(name) and k not in named]
     others = [k for k in range(len(scenes)) if k not in named]
     if len(others) <= LEAST_AVERAGED or len(values) < 2:
         return named
     cells = scene_means(values)
     tolerance = 1.01 * 10.0 ** -decimals(cells[np.isfinite(cells)].tolist())
-    for place in dict.fromkeys([*weak, others[0], others[-1]]):
+    for place in dict.fromkeys([*weak, *((others[0], others[-1]) if by_value else ())]):
         rest = [k for k in others if k != place]
         complete = np.isfinite(cells[:, [place, *rest]]).all(axis=1)
         if complete.sum() < 2:
@@ -210,14 +230,18 @@ def _choose(rows: Rows, metrics: list[str], metric: str | None) -> str:
     return next((name for name in metrics if PRIMARY in name and "train" not in name), metrics[0])
 
 
-def _direction(metric: str, lower: set[str]) -> tuple[bool, list[str]]:
+def _direction(metric: str, lower: set[str], arrows: Mapping[str, str]) -> tuple[bool, list[str]]:
     """Return whether higher is better, and a note if that is a guess."""
-    parts = set(re.split(r"[\s_-]+", metric))
-    if metric in lower or metric in LOWER or parts & LOWER or re.match(r"1\s*[-−–]", metric):
-        return False, []
+    if metric in lower or metric in arrows:
+        return metric not in lower and arrows.get(metric) != "↓", []
+    turned = INVERTED.match(metric)
+    rest = metric[turned.end() :] if turned else metric
+    parts = set(re.split(r"[\s_-]+", rest))
+    if rest in LOWER or parts & LOWER:
+        return bool(turned), []
     if parts & HIGHER:
-        return True, []
-    return True, [f"{metric} is taken to be better when higher; give --lower {metric} if it is not."]
+        return not turned, []
+    return True, [f"{metric} is taken to be better when higher; give --lower {shlex.quote(metric)} if it is not."]
 
 
 @dataclass(frozen=True)
@@ -308,8 +332,11 @@ def _mean(values: np.ndarray) -> float | None:
 
 
 def _is_score(rows: Rows, name: str) -> bool:
-    is_number = is_column_of_numbers(rows.columns[name]) and name not in KEYS and not is_aside(name)
-    return is_number or bool(metric_of(name))
+    """Return whether a column holds scores, rather than what tells rows apart: names, or whole numbers."""
+    values = [number(value) for value in rows.columns[name]]
+    return bool(metric_of(name)) or (
+        None not in values and not all(float(value).is_integer() for value in values if value)
+    )
 
 
 def _refuse_duplicates(flat: np.ndarray, rows: Rows) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from harness.verdicts.tables.headers import METHOD, SCENE, column_name, is_lower
+from harness.verdicts.tables.headers import HIGHER, LOWER, METHOD, SCENE, SEED, arrow_of, column_name
 from scenes.files.errors import InputError
 
 SYNONYMS = {"train_seconds": "seconds", "train_core_seconds": "core_seconds", "total_train_time": "seconds"}
@@ -20,8 +20,8 @@ class Rows:
     columns: dict[str, list[object]]
     stretches: list[tuple[Path, str, Sequence[int]]]
     """The path of each file, `line` or `row`, and the number of each of its rows."""
-    lower: frozenset[str] = frozenset()
-    """The metrics that a file itself declares to be better when lower."""
+    arrows: frozenset[tuple[str, str]] = frozenset()
+    """(metric, `↑` or `↓`): the way that a file itself says a metric is better."""
     notes: list[str] = field(default_factory=list)
     """What a reader assumed or left out, one sentence each."""
     averages: tuple[str, ...] = ()
@@ -48,18 +48,24 @@ def rows_of(
     columns: list[list[object]],
     unit: str = "row",
     numbers: Sequence[int] | None = None,
-    lower: frozenset[str] = frozenset(),
+    *,
+    arrows: Iterable[tuple[str, str]] = (),
     notes: Sequence[str] = (),
     averages: Sequence[str] = (),
 ) -> Rows:
-    """Return rows with lower-case column names, synonyms replaced; raises `InputError` if two names are equal."""
+    """Return rows with lower-case column names, synonyms replaced. Raises `InputError` if two names are equal, and for
+    an arrow that a known metric cannot have.
+    """
     given = [str(name).strip() for name in names]
     short = [column_name(name) for name in given]
     # a name is shortened unless that makes two columns one
     known = [new if short.count(new) == 1 else old.lower() for new, old in zip(short, given, strict=True)]
-    lower = lower | {new for new, old in zip(known, given, strict=True) if is_lower(old)}
+    told = {(name, arrow) for name, arrow in (*arrows, *zip(known, map(arrow_of, given), strict=True)) if arrow}
+    for name, arrow in sorted(told):
+        if (name in LOWER and arrow == "↑") or (name in HIGHER and arrow == "↓"):
+            raise InputError(f"{path}: marks {name} as {arrow}, the wrong way; rename it or correct the arrow")
     known = [SYNONYMS.get(name, name) if SYNONYMS.get(name) not in known else name for name in known]
-    for name, synonyms in (("scene", SCENE), ("method", METHOD)):
+    for name, synonyms in (("scene", SCENE), ("method", METHOD), ("seed", SEED)):
         if name not in known and (other := next((other for other in synonyms if other in known), None)):
             known[known.index(other)] = name
     twice = next((name for name in known if known.count(name) > 1), None)
@@ -67,7 +73,9 @@ def rows_of(
         raise InputError(f"{path}: two columns are called {twice!r}; rename one")
     many = len(columns[0]) if columns else 0
     places = range(1, many + 1) if numbers is None else numbers
-    return Rows(dict(zip(known, columns, strict=True)), [(path, unit, places)], lower, list(notes), tuple(averages))
+    return Rows(
+        dict(zip(known, columns, strict=True)), [(path, unit, places)], frozenset(told), list(notes), tuple(averages)
+    )
 
 
 def joined(parts: Sequence[Rows]) -> Rows:
@@ -87,7 +95,8 @@ def joined(parts: Sequence[Rows]) -> Rows:
     stretches = [stretch for part in parts for stretch in part.stretches]
     notes = list(dict.fromkeys(note for part in parts for note in part.notes))
     averages = dict.fromkeys(name for part in parts for name in part.averages)
-    return Rows(columns, stretches, frozenset().union(*(part.lower for part in parts)), notes, tuple(averages))
+    arrows = frozenset(arrow for part in parts for arrow in part.arrows)
+    return Rows(columns, stretches, arrows, notes, tuple(averages))
 
 
 def _with_datasets(columns: dict[str, list[object]]) -> list[object]:

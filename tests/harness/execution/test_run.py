@@ -116,7 +116,7 @@ def test_given_gaussians_are_scored_as_a_folder_of_their_pictures_is_and_not_tra
     for name in ("psnr", "ssim", "flip"):
         assert cell.scores[name] == pytest.approx(getattr(alone, name), abs=1e-4)
     assert (read_run(out).guests, read_comparisons(out)) == ([GIVEN], [])
-    assert plan.settings()["given"] == plan.given
+    assert plan.settings()["given"] == [file_digest(file)]
     records = read_records(out)
     assert guests(records).startswith(f"given_splats reaches {cell.scores['psnr']:.2f} dB as given, nerf ")
     assert [row[1].text for row in costs_grid(records).rows if row[0].text == GIVEN] == ["–"]
@@ -124,7 +124,7 @@ def test_given_gaussians_are_scored_as_a_folder_of_their_pictures_is_and_not_tra
     assert [shown.method for shown in view.methods] == ["nerf", GIVEN]
     file.write_bytes(file.read_bytes()[:-4] + b"\0\0\0\0")
     cell_path(out, "ball", GIVEN, 0).unlink()
-    assert run(plan, out, tmp_path / "sets", Machine("cpu", 1, 1), "command", Progress()) == 0
+    assert run(plan, out, tmp_path / "sets", Machine("cpu", 1, 1), "command", Progress()) == 3
     changed = read_cell(cell_path(out, "ball", GIVEN, 0))
     assert (changed.status, "changed since the run began" in (changed.reason or "")) == ("error", True)
 
