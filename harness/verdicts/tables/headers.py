@@ -118,6 +118,8 @@ def metric_of(name: str) -> str:
     low = name.lower()
     if re.search(r"\bd-?ssim|ssim[ _](?:error|err|loss)", low) or (INVERTED.match(low) and "ssim" in low):
         return "dssim"
+    if INVERTED.match(low):
+        return ""
     words = [re.sub(r"-(?:vgg|alex|squeeze|y|m|c)$", "", word) for word in re.findall(r"[a-z0-9_\-]+", low)]
     words += [part for word in words for part in word.split("_")]
     found = dict.fromkeys(word for word in words if word in KNOWN)
@@ -134,8 +136,12 @@ def metrics_named(text: str) -> list[str]:
 def beside_metric(name: str) -> str:
     """Return what a name holds besides a metric: `bicycle` of `bicycle_psnr`; empty for qualifiers."""
     metric = metric_of(name)
-    parts = [part for part in re.split(r"[\s_/:.()\[\]-]+", name) if part.lower().strip(ARROWS) not in QUALIFIERS]
-    return " ".join(part for part in parts if part.lower().strip(ARROWS) not in (metric, *metric.split("_")))
+    text = re.sub(r"\(db\)", "", name, flags=re.IGNORECASE)
+    place = text.lower().find(metric)
+    if place >= 0:
+        text = f"{text[:place]} {text[place + len(metric) :]}"
+    rest = text.strip(f" _/:.()[]-*{ARROWS}")
+    return "" if {part.lower() for part in re.split(r"[\s_/:.()\[\]-]+", rest)} <= QUALIFIERS else rest
 
 
 def seed_of(name: str) -> str | None:
@@ -192,7 +198,8 @@ def quantity_in(texts: Sequence[str]) -> tuple[str, str]:
             return "", text
         if metric := metric_of(text):
             return metric, ""
-        is_short = len(text.split()) <= 5 and not metrics_named(text) and not role_of(text)
+        is_own = not metrics_named(text) or INVERTED.match(text.lower())
+        is_short = len(text.split()) <= 5 and is_own and not role_of(text)
         if arrow_of(text) and is_short and column_name(text):
             return column_name(text), ""
     return "", ""

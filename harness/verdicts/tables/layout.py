@@ -2,7 +2,6 @@
 is left out. A grid that could be read in two ways is refused.
 """
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -13,7 +12,6 @@ from harness.verdicts.tables.headers import (
     METHOD,
     SCENE,
     SPREAD,
-    UNITS,
     VALUE,
     arrow_of,
     bare,
@@ -22,7 +20,6 @@ from harness.verdicts.tables.headers import (
     is_aside,
     is_average,
     metric_of,
-    metrics_named,
     quantity_in,
     role_of,
     seed_of,
@@ -31,7 +28,8 @@ from harness.verdicts.tables.headers import (
     words_of,
 )
 from harness.verdicts.tables.numbers import has_spread, is_failed, is_missing, number
-from harness.verdicts.tables.rows import Rows, rows_of
+from harness.verdicts.tables.rows import Rows, rows_of, with_seeds
+from harness.verdicts.tables.tidying import tidied
 from scenes.files.errors import InputError
 
 PSNR_RANGE = (8.0, 70.0)
@@ -66,7 +64,7 @@ def read_text(path: Path, text: str, metric: str | None) -> Rows:
 
 def rows_in(path: Path, grid: Grid, metric: str | None) -> Rows:
     """Return the rows of a grid. Raises `InputError` for one that holds no scores, or could be read in two ways."""
-    table = _table(path, _tidied(grid))
+    table = _table(path, tidied(grid))
     if not {"scene", "method"} <= set(table.roles):
         return _wide(path, table, metric)
     if "metric" in table.roles:
@@ -110,64 +108,6 @@ class _Table:
     def head(self, column: int) -> str:
         """Return the lowest header of a column."""
         return next((row[column] for row in reversed(self.heads) if row[column]), "")
-
-
-def _tidied(grid: Grid) -> Grid:
-    """Return a grid without empty rows and columns, units, and rows that are titles of groups; a cell with scores of
-    several metrics becomes several cells.
-    """
-    width = range(len(grid.rows[0]))
-    columns = [k for k in width if any(row[k].strip() for row in grid.rows)]
-    rows, lines, around, titles = list[list[str]](), list[int](), list(grid.around), list[str]()
-    for place, (row, line) in enumerate(zip(grid.rows, grid.lines, strict=True)):
-        cells = [row[k].strip() for k in columns]
-        filled = [cell for cell in cells if cell]
-        is_title = len({*filled}) == 1 and bool(cells[0]) and (len(filled) in (1, len(cells)))
-        if not filled or (place and all(_is_unit(cell) for cell in filled)):
-            continue
-        if is_title and len(columns) > 1 and not role_of(cells[0]) and number(cells[0]) is None:
-            if rows:
-                titles.append(cells[0])
-            else:
-                around.insert(0, cells[0])
-            continue
-        rows.append(cells)
-        lines.append(line)
-    if not rows:
-        return Grid([[""]], [1], tuple(around))
-    return _one_score_per_cell(Grid(rows, lines, tuple(around), tuple(titles)))
-
-
-def _is_unit(cell: str) -> bool:
-    return cell.strip("()[] ↑↓").lower() in UNITS or not cell.strip("↑↓ ")
-
-
-def _one_score_per_cell(grid: Grid) -> Grid:
-    """Divide cells such as `27.31 / 0.81 / 0.2`, if the headers or the text name as many metrics in that order."""
-
-    def parts(cell: str) -> list[str]:
-        divided = re.split(r"\s*[/|;]\s*", cell)
-        return divided if len(divided) > 1 and all(number(part) is not None for part in divided) else []
-
-    many = {len(parts(cell)) for row in grid.rows[1:] for cell in row if parts(cell)}
-    if len(many) != 1:
-        return grid
-    (count,) = many
-    named = (metrics_named(text) for text in (*grid.rows[0], *grid.around))
-    metrics = next((found for found in named if len(found) == count), None)
-    if metrics is None:
-        return grid
-    divided = [any(parts(row[k]) for row in grid.rows[1:]) for k in range(len(grid.rows[0]))]
-
-    def spread_out(row: list[str], of_header: bool) -> list[str]:
-        cells = []
-        for cell, several in zip(row, divided, strict=True):
-            cells += ([cell] * count if of_header else parts(cell) or [cell] * count) if several else [cell]
-        return cells
-
-    below = [name for several in divided for name in (metrics if several else [""])]
-    rows = [spread_out(grid.rows[0], True), below, *(spread_out(row, False) for row in grid.rows[1:])]
-    return replace(grid, rows=rows, lines=[grid.lines[0], grid.lines[0], *grid.lines[1:]])
 
 
 def _table(path: Path, grid: Grid) -> _Table:
@@ -267,28 +207,9 @@ def _long(path: Path, table: _Table) -> Rows:
     seeded = [name for name in names if metric_of(name) and seed_of(name)]
     taken = {"seed", *(without_seed(name).lower() for name in seeded)} & {name.lower() for name in names}
     if len({seed_of(name) for name in seeded}) > 1 and not taken:
-        names, columns, lines = _with_seeds(names, columns, lines)
+        names, columns, lines = with_seeds(names, columns, lines)
     notes = [*table.notes, *_notes_on([row[k] for row in table.body for k in table.values])]
     return rows_of(path, names, columns, "line", lines, notes=notes)
-
-
-def _with_seeds(
-    names: list[str], columns: list[list[object]], lines: list[int]
-) -> tuple[list[str], list[list[object]], list[int]]:
-    """Return columns such as `psnr_seed0` and `psnr_seed1` as one, with a column of seeds."""
-    seeds = {place: seed for place, name in enumerate(names) if metric_of(name) and (seed := seed_of(name)) is not None}
-    common = [place for place in range(len(names)) if place not in seeds]
-    metrics = list(dict.fromkeys(without_seed(names[place]) for place in seeds))
-    made: dict[str, list[object]] = {name: [] for name in [*(names[place] for place in common), "seed", *metrics]}
-    every = list(dict.fromkeys(seeds.values()))
-    for seed in every:
-        of_seed = {without_seed(names[place]): columns[place] for place, known in seeds.items() if known == seed}
-        for place in common:
-            made[names[place]] += columns[place]
-        made["seed"] += [seed] * len(lines)
-        for metric in metrics:
-            made[metric] += of_seed.get(metric, [None] * len(lines))
-    return list(made), list(made.values()), lines * len(every)
 
 
 def _melted(path: Path, table: _Table) -> Rows:

@@ -4,7 +4,18 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from harness.verdicts.tables.headers import HIGHER, LOWER, METHOD, SCENE, SEED, arrow_of, column_name
+from harness.verdicts.tables.headers import (
+    HIGHER,
+    LOWER,
+    METHOD,
+    SCENE,
+    SEED,
+    arrow_of,
+    column_name,
+    metric_of,
+    seed_of,
+    without_seed,
+)
 from scenes.files.errors import InputError
 
 SYNONYMS = {"train_seconds": "seconds", "train_core_seconds": "core_seconds", "total_train_time": "seconds"}
@@ -76,6 +87,25 @@ def rows_of(
     return Rows(
         dict(zip(known, columns, strict=True)), [(path, unit, places)], frozenset(told), list(notes), tuple(averages)
     )
+
+
+def with_seeds(
+    names: list[str], columns: list[list[object]], lines: list[int]
+) -> tuple[list[str], list[list[object]], list[int]]:
+    """Return columns such as `psnr_seed0` and `psnr_seed1` as one, with a column of seeds."""
+    seeds = {place: seed for place, name in enumerate(names) if metric_of(name) and (seed := seed_of(name)) is not None}
+    common = [place for place in range(len(names)) if place not in seeds]
+    metrics = list(dict.fromkeys(without_seed(names[place]) for place in seeds))
+    made: dict[str, list[object]] = {name: [] for name in [*(names[place] for place in common), "seed", *metrics]}
+    every = list(dict.fromkeys(seeds.values()))
+    for seed in every:
+        of_seed = {without_seed(names[place]): columns[place] for place, known in seeds.items() if known == seed}
+        for place in common:
+            made[names[place]] += columns[place]
+        made["seed"] += [seed] * len(lines)
+        for metric in metrics:
+            made[metric] += of_seed.get(metric, [None] * len(lines))
+    return list(made), list(made.values()), lines * len(every)
 
 
 def joined(parts: Sequence[Rows]) -> Rows:

@@ -154,6 +154,13 @@ SHAPES: dict[str, tuple[str, str]] = {
 }  # fmt: skip
 
 
+NAMES = (
+    "DiffusioNeRF", "Mean-Teacher NeRF", "Mean Teacher", "Ours (S)", "3DGS 7k steps", "Time-aware GS", "PSNR-opt",
+    "2DGS", "Delta-GS", "Average-NeRF", "seed-GS", "w/o mean loss", "Best-NeRF", "Zip-NeRF*", "Ours†",
+)  # fmt: skip
+PLACES = ("mean_street", "time_square", "gain_hill", "scene_01", "train", "truck", "kitchen_2", "memory lane")
+
+
 def read(folder: Path, name: str, text: str, **options: Any) -> ResultTable:
     (folder / name).write_text(text, encoding="utf-8")
     return read_table([folder / name], **options)
@@ -169,6 +176,87 @@ def require_psnr(table: ResultTable) -> None:
 @pytest.mark.parametrize("shape", SHAPES)
 def test_the_same_scores_are_read_from_every_shape(shape: str, tmp_path: Path) -> None:
     require_psnr(read(tmp_path, *SHAPES[shape]))
+
+
+@pytest.mark.parametrize("is_turned", [False, True])
+def test_names_are_names_whatever_words_they_hold(is_turned: bool, tmp_path: Path) -> None:
+    scores = np.round(25 + np.random.default_rng(0).normal(size=(len(NAMES), len(PLACES))), 2)
+    heads, labels, values = (NAMES, PLACES, scores.T) if is_turned else (PLACES, NAMES, scores)
+    lines = [(label, row.tolist()) for label, row in zip(labels, values, strict=True)]
+    for write in (csv, markdown):
+        table = read(
+            tmp_path, "t.md" if write is markdown else "t.csv", write(("scene" if is_turned else "", heads), *lines)
+        )
+        assert (sorted(table.methods), sorted(table.scenes)) == (sorted(NAMES), sorted(PLACES))
+    suffixed = csv(
+        ("method", [f"{place}_psnr" for place in PLACES]),
+        *((n, v.tolist()) for n, v in zip(NAMES, scores, strict=True)),
+    )
+    assert read(tmp_path, "t.csv", suffixed).scenes == list(PLACES)
+
+
+@pytest.mark.parametrize(
+    "row", ["Std", "Rank", "Time (s)", "FPS", "Gain", "#views", "Median", "Max", "p-value", "Avg. PSNR", "Δ"]
+)
+def test_rows_and_columns_of_statistics_are_left_out_and_named(row: str, tmp_path: Path) -> None:
+    below = csv(("Method", SCENES), *rows(), (row, [1.5] * 6))
+    beside = csv(("Method", [*SCENES, row]), *((name, [*values, 20]) for name, values in rows()))
+    for text in (below, beside):
+        table = read(tmp_path, "psnr.csv", text)
+        require_psnr(table)
+        assert any(row.rstrip(".") in said for said in (*table.notes, table.read_as))
+
+
+@pytest.mark.parametrize(
+    ("heading", "metric", "higher"),
+    [("CD ↓", "cd", False), ("NIQE ↓ (lower is better)", "niqe", False), ("1 - LPIPS ↑", "1 - lpips", True)],
+)
+def test_an_arrow_decides_which_way_is_better(heading: str, metric: str, higher: bool, tmp_path: Path) -> None:
+    table = read(tmp_path, "t.csv", csv((heading, SCENES), *rows()))
+    assert (table.metric.startswith(metric), table.higher_is_better) == (True, higher)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (csv(("bicycle", SCENES[1:]), *((str(v[0]), v[1:]) for _, v in rows())), "has no column of names"),
+        (csv(("PSNR ↓", SCENES), *rows()), "marks psnr as ↓, the wrong way"),
+        (csv(("", SCENES), *rows()).replace("25.16", "#DIV/0!"), "line 2: '#DIV/0!' is not a number"),
+        (csv(("", ["7K", "30K"] * 3), *rows()), "two columns|several headers|a second"),
+        (csv(("Standard deviation of PSNR", SCENES), *rows()), "holds a time or a size"),
+    ],
+)
+def test_what_would_be_read_wrongly_is_refused(text: str, message: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=message):
+        read(tmp_path, "t.csv", text)
+
+
+def test_seeds_in_names_are_seeds(tmp_path: Path) -> None:
+    of_methods = [(f"{name} (seed {seed})", values) for name, values in rows() for seed in (0, 1)]
+    of_scenes = [f"{scene}_seed{seed}" for scene in SCENES for seed in (0, 1)]
+    twice = [(name, [value for value in values for _ in range(2)]) for name, values in rows()]
+    for text in (csv(("Method", SCENES), *of_methods), csv(("Method", of_scenes), *twice)):
+        table = read(tmp_path, "psnr.csv", text)
+        require_psnr(table)
+        assert table.values.shape == (3, 6, 2)
+
+
+def test_a_table_among_others_in_a_text_is_read_and_the_others_are_named(tmp_path: Path) -> None:
+    settings = markdown(("Option", ["default"]), ("--lr", ["small"]), ("--bs", ["large"]))
+    table = read(tmp_path, "README.md", f"{settings}\nPSNR\n\n{markdown(('Method', SCENES), *rows())}")
+    require_psnr(table)
+    assert any(note.startswith("Table of line 1 left out: ") for note in table.notes)
+
+
+def test_turned_tables_may_name_data_sets_and_groups_and_rows_without_results(tmp_path: Path) -> None:
+    sets = csv(("Dataset", ["Scene", *METHODS]), *(("m360", [name, *values]) for name, values in turned()))
+    require_psnr(read(tmp_path, "psnr.csv", sets))
+    groups = markdown(("Method", SCENES), *rows(), ("Oldest", [""] * 6))
+    table = read(tmp_path, "t.md", groups)
+    require_psnr(table)
+    assert "Rows without results, taken as titles: Oldest." in table.notes
+    named = read(tmp_path, "t.csv", csv(("", ["Base", *SCENES]), *((n, ["MLP", *v]) for n, v in rows())))
+    require_psnr(named)
 
 
 @pytest.mark.parametrize("encoding", ["utf-16", "utf-8-sig", "cp1252"])
@@ -225,6 +313,9 @@ def test_a_guess_of_psnr_is_stated_and_test_views_come_before_training_views(tmp
     ("cell", "value"),
     [
         (r"\ding{55}", None), (r"27.12\textsuperscript{1}", 27.12), (r"27.12$^\dagger$", 27.12), ("27.12²", 27.12),
+        (r"$27.12_{1}$", 27.12), (r"27.12\textsubscript{2}", 27.12), (r"\ms{27.12}{3}", 27.12),
+        (r"27.1{\tiny +0.4}", 27.1),
+        (r"27.12 {\footnotesize 0.31}", 27.12), (r"$2.1\times 10^{-3}$", 0.0021), (r"\va", None),
         (r"$27.31_{\pm 0.12}$", 27.31), (r"27.31\std{.12}", 27.31), (r"\colorbox{red!30}{27.31}", 27.31),
         ("27.12 ↑0.4", 27.12), ("27.12 [26.9, 27.7]", 27.12), ('<span style="color:red">25.71</span>', 25.71),
     ],
@@ -238,7 +329,8 @@ def test_marks_do_not_change_a_number(cell: str, value: float | None) -> None:
     [
         (r"Mip-NeRF 360$^\dagger$~\cite{barron2022}", "Mip-NeRF 360"), (r"\makecell[l]{Mip-NeRF\\360}", "Mip-NeRF 360"),
         ("[3DGS](https://example.org)", "3DGS"), (r"F$^2$-NeRF", "F2-NeRF"), (r"\rotatebox{90}{garden}", "garden"),
-        (r"\rule{0pt}{2.5ex}Ours", "Ours"),
+        (r"\rule{0pt}{2.5ex}Ours", "Ours"), (r"\diagbox{Scene}{Method}", "Scene / Method"), (r"\ours", "ours"),
+        (r"\rowcolor[gray]{.9}[0pt][0pt] Ours", "Ours"), ("scene_01_psnr", "scene_01_psnr"), ("NeRF[^1]", "NeRF"),
     ],
 )  # fmt: skip
 def test_names_are_read_without_their_marks(cell: str, name: str) -> None:
