@@ -54,7 +54,8 @@ def judge(
     elif not isinstance(table, Sequence):
         import pandas as pd
 
-        table = table.copy() if isinstance(table.index, pd.RangeIndex) else table.reset_index()
+        is_in_columns = isinstance(table.index, pd.RangeIndex) or {*table.index.names} & {*table.columns}
+        table = table.copy() if is_in_columns else table.reset_index()
         if table.columns.nlevels > 1:
             table.columns = [" ".join(map(str, names)).strip() for names in table.columns]
         table = table.astype(object).where(table.notna(), None).to_dict("records")

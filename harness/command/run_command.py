@@ -109,7 +109,7 @@ def _planned(options: argparse.Namespace, out: Path, show: Progress) -> "tuple[P
         plan = replace(plan, roles=structs.replace(plan.roles, baseline=options.baseline))
     plan = replace(plan, claims=tuple(claims_of(plan.all_methods(), plan.scenes, options.claims, options.claim)))
     if options.splats is not None:
-        plan = _with_splats(plan, options)
+        plan = _with_splats(plan, options, device)
     if options.lpips is not None:
         plan = _with_lpips(plan, options, out)
     if options.verify_omissions and len(plan.seeds) < LEAST_SEEDS:
@@ -119,12 +119,14 @@ def _planned(options: argparse.Namespace, out: Path, show: Progress) -> "tuple[P
     return plan, device
 
 
-def _with_splats(plan: "Plan", options: argparse.Namespace) -> "Plan":
+def _with_splats(plan: "Plan", options: argparse.Namespace, device: "torch.device") -> "Plan":
     from harness.training.kinds.given_splats import given_gaussians
     from scenes.files.digest import file_digest
 
     files: list[Path] = options.splats
     named = " ".join(map(str, files))
+    if device.type != "cpu":
+        raise InputError(f"--splats {named}: drawn only by the processor; give --device cpu")
     if options.executor == "ray":
         raise InputError(f"--splats {named}: only on this machine; leave it out, or run here (--executor local)")
     if len(files) != len(plan.scenes):
@@ -160,7 +162,7 @@ def plan_lines(plan: "Plan", machine: "Machine", cores: int) -> list[str]:
         f"  scenes   {' '.join(plan.scenes)}",
         f"  methods  {' '.join(plan.methods)}",
         f"  seeds    {' '.join(map(str, plan.seeds))}",
-        *(f"  given    {' '.join(file for file, _ in plan.given)}" for _ in plan.given[:1]),
+        *([f"  given    {' '.join(file for file, _ in plan.given)}"] if plan.given else []),
         *(f"  also     {' '.join(extra.methods)} on {extra.scene}, {_seeds(extra.seeds)}" for extra in plan.extras),
         f"  views    {views.resolution} px wide; {source}",
         f"  network  {network.depth} × {network.width}, L = {network.position_bands}/{network.direction_bands}, "

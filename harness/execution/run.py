@@ -162,11 +162,11 @@ def _score_guests(plan: Plan, tasks: list[GroupTask], record: RunRecord, machine
             due.append(replace(task, methods=(GIVEN,), budget=Budget(0, None)))
         if plan.guest and path.exists() and (seconds := read_cell(path).train_core_seconds):
             due.append(replace(task, methods=(plan.guest,), budget=Budget(None, None, seconds)))
-    due = [task for task in due if missing_methods(task)]
-    if any(task.methods == (plan.guest,) for task in due):
-        show.line(f"training {plan.guest} for scale, on each scene for the core seconds of {baseline}")
-    if due:
-        for _ in _events(due, machine, record.provenance["commit"], show):
+    for guest in plan.guests:  # one after the other, as both are groups of the same scenes and seed
+        tasks = [task for task in due if task.methods == (guest,) and missing_methods(task)]
+        if tasks and guest != GIVEN:
+            show.line(f"training {guest} for scale, on each scene for the core seconds of {baseline}")
+        for _ in _events(tasks, machine, record.provenance["commit"], show) if tasks else ():
             pass
         drop_folder(out)
 

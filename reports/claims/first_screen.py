@@ -9,11 +9,12 @@ from functools import partial
 from statistics import fmean
 from typing import NamedTuple
 
-from harness.records.claims import STATED
+from harness.records.cells import Comparison
+from harness.records.claims import STATED, Statement
 from harness.records.study import Studies
 from reports.claims.estimands import SENSES, between, difference_in_words
 from reports.claims.ledger import Claim, by_cause
-from reports.claims.table import LOOKS, in_a_sentence, measured_entry, printed_entry, printed_text
+from reports.claims.table import LOOKS, in_a_sentence, link_of, measured_entry, printed_entry, printed_text
 from reports.data.load import Records
 from reports.data.scale import in_a_line
 from reports.data.shelf_records import ShelfRecords
@@ -80,14 +81,15 @@ def principal(records: Records, claims: list[Claim]) -> list[tuple[str, Claim]]:
 def question(records: Records, claims: list[Claim]) -> str:
     """Return what a file of claims asks, or whether a stated claim holds, or how the methods of this run compare."""
     for file in records.run.claims or []:
-        own = {claim.id: printed_text(claim).replace(" %", f"{NARROW}%") for claim in claims if claim.file == file.id}
+        of_file = {claim.id: claim for claim in claims if claim.file == file.id}
+        own = {name: printed_text(claim).replace(" %", f"{NARROW}%") for name, claim in of_file.items()}
         if file.question and set(file.methods) & set(records.methods):
             return PLACE.sub(partial(_number, own), file.question)
         if file.id == STATED and len(file.claims) == 1:
-            (claim,) = file.claims
-            return f"Does it hold that {claim.statement} is {own[claim.id]}?"
+            ((name, stated),) = of_file.items()
+            return f"Does it hold that {stated.statement} {link_of(stated)} {own[name]}?"
         if file.id == STATED:
-            return f"Do {len(file.claims)} stated claims hold?"
+            return f"Do the {len(file.claims)} stated claims hold?"
     baseline, contenders = records.baseline, records.contenders
     if not contenders:
         return f"How does {baseline} do?"
@@ -116,7 +118,7 @@ def _guest(records: Records, name: str) -> str:
         return ""
     theirs, ours, spent = (fmean(float(pair[place] or 0.0) for pair in pairs) for place in range(3))
     scenes, baseline = counted(len(pairs), "scene"), records.baseline
-    if not spent:
+    if all(cell.steps == 0 for cell in records.guest_cells if cell.method == name):
         reached = f"{number(theirs)} dB as given, {baseline} {number(ours)} dB"
         return f"{name} reaches {reached} ({scenes}; trained elsewhere, not judged)"
     return (
@@ -128,15 +130,17 @@ def _guest(records: Records, name: str) -> str:
 def how_sure(records: Records, evidence: Studies | None) -> list[str]:
     """State the interval of the answer, its power, and how often the comparer itself errs."""
     sentences = []
-    stated = [pair for file in records.run.claims or [] if file.id == STATED for pair in file.pairs]
-    pairs = stated or [(name, records.baseline) for name in records.contenders]
-    row = records.comparison("all", *pairs[0]) if pairs else None
+    stated = next((file.claims[0] for file in records.run.claims or [] if file.id == STATED), None)
+    if stated is not None:
+        row = _compared(records, stated)
+    else:
+        row = records.comparison("all", records.contenders[0], records.baseline) if records.contenders else None
     if row is not None and row.difference is not None:
         like, here = row.scenes_like_these, row.on_these_scenes
         sense = (
             f"The {'interval' if stated else 'verdict'} is {SENSES['scenes_like_these' if like else 'on_these_scenes']}"
         )
-        claim = "; the claim is judged on only these scenes" * bool(stated and like)
+        claim = "; the claim is judged on only these scenes" if stated and like else ""
         sentences.append(f"{difference_in_words(row, records.scenes, records.run.seeds)}. {sense}{claim}.")
         if like and here is not None and here.simultaneous is not None:
             known = f"{between(here.simultaneous)} dB ({here.verdict.phrase})"
@@ -145,6 +149,14 @@ def how_sure(records: Records, evidence: Studies | None) -> list[str]:
         least = number(row.smallest_detectable)
         sentences.append(f"The sign of a true difference below {least} dB could have stayed open (power 80 %).")
     return [*sentences, *calibration(evidence)]
+
+
+def _compared(records: Records, claim: Statement) -> Comparison | None:
+    """Return the comparison of PSNR over all scenes that a stated claim is about, if it is about that."""
+    about = claim.of
+    if claim.quantity != "gain" or (about["scene"], about["metric"]) != ("all", "psnr"):
+        return None
+    return records.comparison("all", about["method"], about["against"])
 
 
 def calibration(evidence: Studies | None) -> list[str]:

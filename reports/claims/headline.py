@@ -14,7 +14,7 @@ from harness.verdicts.changes import Condition, change
 from harness.verdicts.headline_family import is_headline
 from harness.verdicts.last_doubling import STILL_RISING, last_doublings
 from reports.claims.claim_list import claims, tally
-from reports.claims.table import LOOKS, measured_entry, printed_text
+from reports.claims.table import LOOKS, link_of, measured_entry, printed_text
 from reports.data.load import Records
 from reports.data.outcome import (
     Outcome,
@@ -85,11 +85,12 @@ def _answer(records: Records) -> str:
     if not judged:
         return ""
     if len(judged) > 1:
-        return f"Of {len(judged)} stated claims, {listed([f'{many} {verdict}' for verdict, many in tally(judged)])}"
+        each = [f"{many} {'is' if many == 1 else 'are'} {verdict}" for verdict, many in tally(judged)]
+        return f"Of {len(judged)} stated claims, {listed(each)}"
     (claim,), (about,) = judged, (entry.of for entry in files[0].claims)
     names = [about[role] for role in ("method", "against") if role in about]
     figures = measured_entry(claim)
-    known = f"{claim.statement} is {figures.text} {figures.small}".rstrip()
+    known = f"{claim.statement} {link_of(claim)} {figures.text} {figures.small}".rstrip()
     if claim.measured is None:
         known = f"this would {claim.note}" if claim.verdict == UNTESTED else claim.note
     words = f"{ANSWERS[LOOKS[claim.verdict][1]]}: {known}; claimed: {printed_text(claim)}"

@@ -80,6 +80,11 @@ def _numbers(value: Number | Pair | None) -> tuple[Number | None, dict[str, floa
     return (None, {"from": value[0], "to": value[1]}) if isinstance(value, tuple) else (value, {})
 
 
+def link_of(claim: Claim) -> str:
+    """Return the word between a statement and its number: a saving is *by* a percentage."""
+    return "by" if claim.unit == "%" else "is"
+
+
 def printed_text(claim: Claim) -> str:
     """Format a printed number: +1.2 to +1.8 dB, +1.4 dB, 33.0 dB, 257, 18 %, 4.2 h."""
     if claim.printed is None:

@@ -237,7 +237,9 @@ class _Reader:
         stacks: list[ImageStack] = []
         noise: list[float] = []
         for file in frames.files:
-            names.append(_name_of(file, root))
+            name = _name_of(file, root)
+            # two links may lead to files of one name
+            names.append(file.with_suffix("").as_posix().lstrip("/") if name in names else name)
             images = self._own(file, geometry) if self.manifest else [self._foreign(file)]
             if not stacks:
                 require_room([image.shape for image in images], len(frames.files), self.scratch)

@@ -7,10 +7,11 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from baselines.contract import Rays, Rendering
+from baselines.contract import Box, Rays, Rendering
 from baselines.methods.explicit import GivenSettings
 from baselines.splats.gaussians import Gaussians
-from baselines.splats.ply import read_ply
+from baselines.splats.ply import BLURRED, DEGREES, read_ply
+from baselines.splats.rasteriser import COLUMNS
 from harness.machine.stopwatch import Stopwatch
 from harness.training.learner import Job
 from harness.training.trainer import BudgetedTrainer
@@ -25,7 +26,7 @@ def given_gaussians(file: Path, focal: float) -> Gaussians:
     except OSError as error:
         raise InputError(f"{file}: cannot be read ({error.strerror})") from error
     except ValueError as error:
-        raise InputError(f"{file}: {error}; give the .ply of 3D Gaussian Splatting") from error
+        raise InputError(f"{file}: {error}; give the .ply of 3D Gaussian Splatting, or pictures") from error
 
 
 class GivenSplats(BudgetedTrainer):
@@ -35,10 +36,8 @@ class GivenSplats(BudgetedTrainer):
 
     def __init__(self, job: Job) -> None:
         super().__init__(job)
-        file = Path(self.own.file)
-        self.field = given_gaussians(file, self.own.focal)
-        if file_digest(file) != self.own.sha256:
-            raise InputError(f"{file}: changed since the run began; put it back as it was")
+        unit = Box(-torch.ones(3), torch.ones(3))
+        self.field = Gaussians(unit, 0, torch.zeros(0, sum(COLUMNS.values())), 0.0, 0.0, BLURRED / self.own.focal**2)
 
     @property
     def progress(self) -> float:
@@ -49,7 +48,11 @@ class GivenSplats(BudgetedTrainer):
         return self.field
 
     def warm_up(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None:
-        """Compile the kernels."""
+        """Read the Gaussians, and compile the kernels. Raises `InputError`."""
+        file = Path(self.own.file)
+        self.field = given_gaussians(file, self.own.focal)
+        if file_digest(file) != self.own.sha256:
+            raise InputError(f"{file}: changed since the run began; put it back as it was")
         self.field.render(rays)
 
     def train_on(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None:
@@ -68,9 +71,11 @@ class GivenSplats(BudgetedTrainer):
         return {**self._rendered_by(), "degree": self.field.degree, "blurred": self.field.blurred}
 
     def restore(self, tensors: dict[str, Tensor], step: int) -> None:
-        if tensors["gaussians"].shape != self.field.values.shape:
-            raise ValueError(f"Gaussians of shape {tuple(tensors['gaussians'].shape)}, not those of {self.own.file}")
-        self.field.values = tensors["gaussians"]
+        values = tensors["gaussians"]
+        harmonics = values.shape[-1] - sum(COLUMNS.values())
+        if values.ndim != 2 or harmonics not in DEGREES:
+            raise ValueError(f"Gaussians of shape {tuple(values.shape)}")
+        self.field.values, self.field.degree = values, DEGREES[harmonics]
 
     def optimiser_tensors(self) -> dict[str, Tensor]:
         return {}

@@ -47,8 +47,9 @@ def _read(file: Path, metric: str | None, place: ResultPlace) -> Rows:
     text, notes = _text_of(file)
     # a pipe of the shell, `<(…)`, has no suffix
     if file.suffix.lower() in (".json", ".jsonl", ".ndjson") or (file.is_fifo() and text.lstrip()[:1] in ("{", "[")):
-        return read_json_rows(file, text, place, metric)
-    rows = read_text(file, text, metric)
+        rows = read_json_rows(file, text, place, metric)
+    else:
+        rows = read_text(file, text, metric)
     return replace(rows, notes=[*rows.notes, *notes])
 
 
@@ -56,16 +57,17 @@ def _text_of(file: Path) -> tuple[str, list[str]]:
     """Return a text in UTF-8, or in UTF-16 or Windows-1252 as spreadsheets write it, with a note on the latter."""
     content = file.read_bytes()
     is_wide = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
-    encoding = "utf-16" if is_wide else "utf-8-sig"
+    if b"\0" in content and not is_wide:
+        raise InputError(f"{file}: is not text (it holds zero bytes); save the table as CSV in UTF-8")
+    notes: list[str] = []
     try:
-        return content.decode(encoding).replace("\r\n", "\n"), []
-    except UnicodeDecodeError as error:
-        if b"\0" in content:
-            raise InputError(f"{file}: is not text ({error}); save the table as CSV in UTF-8") from error
-    try:
-        return content.decode("cp1252").replace("\r\n", "\n"), [f"{file.name} is not UTF-8: read as Windows-1252."]
-    except UnicodeDecodeError as error:
-        raise InputError(f"{file}: is not text in UTF-8 ({error}); save it in UTF-8") from error
+        text = content.decode("utf-16" if is_wide else "utf-8-sig")
+    except UnicodeDecodeError:
+        try:
+            text, notes = content.decode("cp1252"), [f"{file.name} is not UTF-8: read as Windows-1252."]
+        except UnicodeDecodeError as error:
+            raise InputError(f"{file}: is not text in UTF-8 ({error}); save it in UTF-8") from error
+    return text.replace("\r\n", "\n"), notes
 
 
 def _file(path: Path) -> Path:

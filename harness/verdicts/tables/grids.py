@@ -35,13 +35,18 @@ def grids_of(path: Path, text: str) -> list[Grid]:
     name = path.suffix.lower()
     if name == ".tex" or re.search(rf"\\begin\{{{ENVIRONMENT}\}}", text):
         grids = list(_latex(text))
-    elif name in (".md", ".markdown") or re.search(r"^\s*\|?[\s:|-]*-{2,}[\s:|-]*\|[\s:|-]*$", text, re.MULTILINE):
+    elif name in (".md", ".markdown") or any(map(_divides, text.split("\n"))):
         grids = list(_markdown(text))
     else:
         return [_from_csv(path, text)]
     if not grids:
         raise InputError(f"{path}: holds no table; give one as CSV, Markdown or LaTeX")
     return grids
+
+
+def _divides(line: str) -> bool:
+    """Return whether a line divides the header of a Markdown table from its rows."""
+    return "--" in line and "|" in line and not line.strip(" \t\r:|-")
 
 
 def _from_csv(path: Path, text: str) -> Grid:
@@ -87,8 +92,10 @@ def _with_points(rows: list[list[str]], mark: str) -> list[list[str]]:
     """Return the cells with decimal points: a comma divides thousands where no number of the table has another use
     for it, as in `30,000`.
     """
-    commas = [cell for row in rows[1:] for cell in row if re.match(r"[+\-−]?\d+,\d", cell)]
-    if mark == ";" or not all(THOUSANDS.fullmatch(cell) for cell in commas):
+    cells = [cell for row in rows[1:] for cell in row]
+    commas = [cell for cell in cells if re.match(r"[+\-−]?\d+,\d", cell)]
+    has_points = any(re.match(r"[+\-−]?\d+\.\d", cell) for cell in cells)
+    if mark == ";" or not has_points or not all(THOUSANDS.fullmatch(cell) for cell in commas):
         return rows
     return [[cell.replace(",", "") if THOUSANDS.fullmatch(cell) else cell for cell in row] for row in rows]
 

@@ -29,7 +29,7 @@ ASIDE = {
     "size", "gaussians", "points", "primitives", "storage", "steps", "step", "iterations", "iters", "rank", "gpu",
     "speed",
     "hours", "minutes", "seconds", "views", "images", "epochs", "best", "hardware", "width", "height", "resolution",
-    "downscale",
+    "downscale", "layers", "batch", "cost", "mb", "gb",
 }  # fmt: skip
 """What a column is about that holds neither scenes nor scores."""
 WITH_ASIDE = {
@@ -130,7 +130,9 @@ def metric_of(name: str) -> str:
 
 def metrics_named(text: str) -> list[str]:
     """Return all metrics that a text names, in its order."""
-    return list(dict.fromkeys(word for word in re.findall(r"[a-z0-9]+", text.lower()) if word in KNOWN))
+    parts = (metric_of(part) for part in re.split(r"[/|;,]|\band\b|\s{2,}", text))
+    several = [metric for metric in parts if metric]
+    return list(dict.fromkeys(several or [word for word in re.findall(r"[a-z0-9-]+", text.lower()) if word in KNOWN]))
 
 
 def beside_metric(name: str) -> str:

@@ -36,7 +36,7 @@ def read_json_rows(path: Path, text: str, place: ResultPlace = NOWHERE, metric: 
     try:
         is_lines = path.suffix.lower() in (".jsonl", ".ndjson")
         data = msgspec.json.Decoder().decode_lines(text) if is_lines else msgspec.json.decode(text)
-        for part in text.splitlines() if is_lines else [text]:
+        for part in text.split("\n") if is_lines else [text]:
             json.loads(part or "{}", object_pairs_hook=each_key_once)
     except RecursionError as error:
         raise InputError(f"{path}: is nested too deeply") from error

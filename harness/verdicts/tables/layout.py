@@ -213,29 +213,31 @@ def _long(path: Path, table: _Table) -> Rows:
 
 
 def _melted(path: Path, table: _Table) -> Rows:
-    """Return the rows of a table with a row per result and metric: columns metric and value."""
-    kept = [k for k in table.values if bare(table.head(k)) in VALUE]
-    kept = kept or [k for k in table.values if not is_aside(table.head(k))]
-    if len(kept) != 1:
-        known = ", ".join(bare(table.head(k)) for k in kept) or "none"
-        raise InputError(f"{path}: has a column of metrics and {len(kept)} columns of numbers ({known}); keep one")
-    roles = {role: table.roles[role] for role in ("scene", "method", "seed") if role in table.roles}
+    """Return the rows of a table with a row per result and metric: columns metric and value; the others tell which."""
+    of_metric, heads = table.roles["metric"], [table.head(k) for k in range(len(table.heads[0]))]
+    scores = [k for k in table.values if bare(heads[k]) in VALUE]
+    scores = scores or [k for k in table.values if not is_aside(heads[k])]
+    if len(scores) != 1:
+        known = ", ".join(bare(heads[k]) for k in scores) or "none"
+        raise InputError(f"{path}: has a column of metrics and {len(scores)} columns of numbers ({known}); keep one")
+    others = [k for k in sorted([*table.names, *table.values]) if k not in (of_metric, scores[0])]
+    for k in table.names[:-1]:
+        _fill_down(table, k)
     cells: dict[tuple[str, ...], dict[str, object]] = {}
     places: dict[tuple[str, ...], int] = {}
     for row, line in zip(table.body, table.lines, strict=True):
-        name, key = row[table.roles["metric"]], tuple(row[k] for k in roles.values())
-        scores = cells.setdefault(key, {})
-        if column_name(name) in scores:
-            raise InputError(
-                f"{path}, line {line}: a second {column_name(name)} of {' '.join(key)}; rename or delete one"
-            )
-        scores[column_name(name)] = row[kept[0]]
+        name, key = column_name(row[of_metric]), tuple(row[k] for k in others)
+        of_row = cells.setdefault(key, {})
+        if name in of_row:
+            raise InputError(f"{path}, line {line}: a second {name} of {' '.join(key)}; rename or delete one")
+        of_row[name] = row[scores[0]]
         places.setdefault(key, line)
-    kinds = list(dict.fromkeys(name for scores in cells.values() for name in scores))
-    columns: list[list[object]] = [[key[k] for key in cells] for k in range(len(roles))]
-    columns += [[scores.get(kind) for scores in cells.values()] for kind in kinds]
-    arrows = {(column_name(row[k]), arrow_of(row[k])) for row in table.body for k in [table.roles["metric"]]}
-    return rows_of(path, [*roles, *kinds], columns, "line", list(places.values()), arrows=arrows, notes=table.notes)
+    kinds = list(dict.fromkeys(name for of_row in cells.values() for name in of_row))
+    columns: list[list[object]] = [[key[k] for key in cells] for k in range(len(others))]
+    columns += [[of_row.get(kind) for of_row in cells.values()] for kind in kinds]
+    arrows = {(column_name(row[of_metric]), arrow_of(row[of_metric])) for row in table.body}
+    names = [*(heads[k] for k in others), *kinds]
+    return rows_of(path, names, columns, "line", list(places.values()), arrows=arrows, notes=table.notes)
 
 
 def _fill_down(table: _Table, column: int) -> None:

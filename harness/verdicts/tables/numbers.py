@@ -42,7 +42,7 @@ FIRST_DROPPED = re.compile(
     r"\\(?:cellcolor|rowcolor|color|textcolor|colorbox|rotatebox|scalebox|raisebox|SetCell)"
     r"\*?(?:\[[^\]]*\])*\{[^{}]*\}(?:\[[^\]]*\])*"
 )
-"""LaTeX commands whose first argument is not part of the cell, nor the second of `FRAMED` and `MULTIROW`."""
+"""LaTeX commands whose first argument is not part of the cell, nor the first two of `FRAME` and `MULTIROW`."""
 MULTIROW = re.compile(r"\\multirow\*?(?:\[[^\]]*\])*\{[^{}]*\}(?:\[[^\]]*\])*\{[^{}]*\}")
 SPREAD_COMMAND = re.compile(r"\\[a-zA-Z]*(?:std|err|dev|pm)[a-zA-Z]*\s*\{([^{}]*)\}")
 FRAME = re.compile(r"\\fcolorbox\{[^{}]*\}\{[^{}]*\}")
@@ -70,6 +70,7 @@ def plain(text: str) -> str:
     given = text
     text = re.sub(r"\s*(?:\\times|\\cdot|×)\s*10\s*\^\s*\{?\s*([-−+]?\d+)\s*\}?", r"e\1", text)
     text = re.sub(r"\[\^[^\[\]]*\]", "", text)  # a footnote of Markdown
+    text = re.sub(r"(?<=\d)<(su[bp])>.*?</\1>|(?<=\d\}|.\d)\$_\{?\d\}?\$", "", text)
     for sign, character in SIGNS.items():
         text = re.sub(re.escape(sign) + r"(?![a-zA-Z])" * sign[-1].isalpha(), character, text)
     text = FRAME.sub("", MULTIROW.sub("", DROPPED.sub("", DIAGONAL.sub(r"\1 / \2", text))))
@@ -111,7 +112,7 @@ def _word(value: str) -> str:
 
 def number(value: Any) -> float | None:
     """Return a value as a number; None if it is not one, not finite or larger than `LARGEST`."""
-    if isinstance(value, bool):
+    if isinstance(value, bool) or (isinstance(value, str) and "_" in value):  # which Python ignores within a number
         return None
     if isinstance(value, str) and (match := NUMBER.fullmatch(value.strip())):
         value = match[1].replace(",", ".").replace("−", "-")

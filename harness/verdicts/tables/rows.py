@@ -131,7 +131,9 @@ def joined(parts: Sequence[Rows]) -> Rows:
 
 def _with_datasets(columns: dict[str, list[object]]) -> list[object]:
     """Return the scenes, with the name of their data set before them if two data sets share the name of a scene."""
-    scenes, datasets = columns["scene"], columns.get("dataset")
-    if datasets is None or len({*zip(datasets, scenes, strict=True)}) == len({*scenes}):
+    scenes = columns["scene"]
+    pairs = list(zip(columns.get("dataset") or [None] * len(scenes), scenes, strict=True))
+    named = {(dataset, scene) for dataset, scene in pairs if dataset is not None}
+    if len(named) == len({scene for _, scene in named}):
         return scenes
-    return [f"{dataset}/{scene}" for dataset, scene in zip(datasets, scenes, strict=True)]
+    return [scene if dataset is None else f"{dataset}/{scene}" for dataset, scene in pairs]

@@ -312,11 +312,11 @@ def _lens(camera: Camera, image: Path, where: str) -> tuple[Lens | None, list[st
 
 
 def _model(camera: Camera, where: str) -> str:
-    if camera.is_orthographic:
+    if _holds(camera.is_orthographic):
         raise InputError(
             f"{where}: is_orthographic is {shown(camera.is_orthographic)}; only central projections are read"
         )
-    if camera.is_fisheye:
+    if _holds(camera.is_fisheye):
         return "OPENCV_FISHEYE"
     name = (camera.camera_model or "OPENCV").upper()
     if name in PERSPECTIVE:
@@ -327,6 +327,11 @@ def _model(camera: Camera, where: str) -> str:
             "to a pinhole (COLMAP's image_undistorter)"
         )
     return name
+
+
+def _holds(flag: object) -> bool:
+    """Return whether a flag is set, also as text."""
+    return bool(flag) and str(flag).lower() not in ("false", "0", "no")
 
 
 def _distortion(camera: Camera, model: str, where: str) -> dict[str, float]:

@@ -166,7 +166,8 @@ def read(folder: Path, name: str, text: str, **options: Any) -> ResultTable:
     return read_table([folder / name], **options)
 
 
-def require_psnr(table: ResultTable) -> None:
+def require_psnr(table: ResultTable, seeds: int = 1) -> None:
+    assert table.values.shape[2] == seeds
     assert (table.metric, table.higher_is_better) == ("psnr", True)
     assert (sorted(table.methods), sorted(table.scenes)) == (sorted(METHODS), sorted(SCENES))
     found = [[np.nanmean(table.values[table.methods.index(m), table.scenes.index(s)]) for s in SCENES] for m in METHODS]
@@ -237,8 +238,7 @@ def test_seeds_in_names_are_seeds(tmp_path: Path) -> None:
     twice = [(name, [value for value in values for _ in range(2)]) for name, values in rows()]
     for text in (csv(("Method", SCENES), *of_methods), csv(("Method", of_scenes), *twice)):
         table = read(tmp_path, "psnr.csv", text)
-        require_psnr(table)
-        assert table.values.shape == (3, 6, 2)
+        require_psnr(table, seeds=2)
 
 
 def test_a_table_among_others_in_a_text_is_read_and_the_others_are_named(tmp_path: Path) -> None:
@@ -272,8 +272,7 @@ def test_seeds_are_read_from_columns_and_rows(tmp_path: Path) -> None:
     wide = csv(("method", ["seed", *SCENES]), *((n, [seed, *v]) for n, v in rows() for seed in (42, 43)))
     for text in (wide, csv(("scene", ["method", *names]), *((s, [m, v, v]) for s, m, _, v in ONE))):
         table = read(tmp_path, "t.csv", text)
-        require_psnr(table)
-        assert table.values.shape == (3, 6, 2)
+        require_psnr(table, seeds=2)
 
 
 def test_what_is_no_score_is_not_judged(tmp_path: Path) -> None:
@@ -312,7 +311,8 @@ def test_a_guess_of_psnr_is_stated_and_test_views_come_before_training_views(tmp
 @pytest.mark.parametrize(
     ("cell", "value"),
     [
-        (r"\ding{55}", None), (r"27.12\textsuperscript{1}", 27.12), (r"27.12$^\dagger$", 27.12), ("27.12²", 27.12),
+        (r"\ding{55}", None), (r"\underline{27.1}$_2$", 27.1), ("27.1<sup>2</sup>", 27.1),
+        ("1_0", None), (r"27.12\textsuperscript{1}", 27.12), (r"27.12$^\dagger$", 27.12), ("27.12²", 27.12),
         (r"$27.12_{1}$", 27.12), (r"27.12\textsubscript{2}", 27.12), (r"\ms{27.12}{3}", 27.12),
         (r"27.1{\tiny +0.4}", 27.1),
         (r"27.12 {\footnotesize 0.31}", 27.12), (r"$2.1\times 10^{-3}$", 0.0021), (r"\va", None),
@@ -387,6 +387,20 @@ def test_results_at_several_steps_are_several_methods_and_a_file_may_hold_all_sc
     for name, values in rows():
         as_json(tmp_path / "files" / f"{name}.json", {s: {"psnr": v} for s, v in zip(SCENES, values, strict=True)})
     require_psnr(read_table([tmp_path / "files"]))
+
+
+def test_metrics_in_rows_keep_the_other_columns(tmp_path: Path) -> None:
+    lines = [(s, [m, 400 if m == "3DGS" else 800, k, v]) for s, m, k, v in tidy(BOTH)]
+    text = csv(("scene", ["method", "width", "metric", "value"]), *lines)
+    with pytest.raises(InputError, match=r"width of bicycle is 800, and 400 in"):
+        read(tmp_path, "t.csv", text)
+
+
+def test_commas_are_decimal_marks_where_no_number_has_a_point(tmp_path: Path) -> None:
+    text = markdown(
+        ("FID", SCENES), *((name, [f"{value:.3f}".replace(".", ",") for value in values]) for name, values in rows())
+    )
+    assert read(tmp_path, "t.md", text).values[0, 0, 0] == 25.16
 
 
 def test_rows_that_differ_in_a_column_are_told_so_and_data_sets_divide_scenes(tmp_path: Path) -> None:

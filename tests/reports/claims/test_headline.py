@@ -311,8 +311,8 @@ def test_a_stated_claim_is_the_question_and_a_line_of_its_own(whole: Records):
          f"No: nerf_matched − nerf in PSNR is +0.91 dB [+0.86, +0.96]; claimed: ≥ +2.0 dB{RISING}"),
         (["qnerf - silu >= 2 dB"], "Does it hold that qnerf − silu in PSNR is ≥ +2.0 dB?",
          f"Not tested: this would need a run of qnerf and silu; claimed: ≥ +2.0 dB{RISING}"),
-        (["qnerf - nerf >= 0.5 dB", "nerf_matched - nerf >= 2 dB"], "Do 2 stated claims hold?",
-         "Of 2 stated claims, 1 reproduced and 1 not reproduced"),
+        (["qnerf - nerf >= 0.5 dB", "nerf_matched - nerf >= 2 dB"], "Do the 2 stated claims hold?",
+         "Of 2 stated claims, 1 is reproduced and 1 is not reproduced"),
     ],
 )  # fmt: skip
 def test_the_headline_answers_the_stated_claims(whole: Records, lines: list[str], question: str, title: str) -> None:
@@ -321,6 +321,17 @@ def test_the_headline_answers_the_stated_claims(whole: Records, lines: list[str]
     assert (shown(asked).question, found.title) == (question, title)
     assert found.sentences[0] == f"{headline(whole).title}."
     assert found.sentences[1:] == headline(whole).sentences
+
+
+@pytest.mark.parametrize("line", ["qnerf - nerf >= 0.1 ssim", "qnerf - nerf >= 1 dB on chair", "nerf >= 20 dB"])
+def test_how_sure_says_nothing_of_other_differences_than_the_claims(whole: Records, line: str) -> None:
+    sure = shown(with_run(whole, claims=[stated([line])])).sure
+    assert not any("interval is" in sentence or "dB after equal steps" in sentence for sentence in sure)
+
+
+def test_a_saving_is_by_a_percentage(whole: Records) -> None:
+    asked = with_run(whole, claims=[stated(["qnerf - nerf >= 18 % steps"])])
+    assert shown(asked).question.endswith(" by ≥ 18\u202f%?")
 
 
 def test_how_sure_a_stated_claim_is(whole: Records) -> None:

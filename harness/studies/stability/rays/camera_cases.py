@@ -52,7 +52,7 @@ def _damaged() -> dict[str, np.ndarray]:
     infinite[0, 3] = math.inf
     return {
         "mirrored": good * [-1, 1, 1, 1], "singular": good * [0, 0, 0, 1],
-        "scaled by 1.01": good * [1.01, 1.01, 1.01, 1], "sheared": sheared,
+        "stretched by 1.01": good * [1.01, 1, 1, 1], "sheared": sheared,
         "last row not 0 0 0 1": row, "NaN": nan, "infinite": infinite,
     }  # fmt: skip
 
