@@ -36,7 +36,7 @@ def refusal(capsys: pytest.CaptureFixture[str], program: str, *words: str | Path
 TABLES: dict[str, tuple[str | bytes, str]] = {
     "another unit": (TABLE.replace("20.0", "20 cm", 1), "line 2: psnr is '20 cm', not a finite number"),
     "UTF-16 without its mark": (TABLE.encode("utf-16")[2:], "is not text"),
-    "a page": ("<html></html>", "has no column scene and no column method"),
+    "a page": ("<html></html>", "is a page or a drawn table; save the table as CSV"),
     "a score below any": (TABLE.replace("20.0", "-5", 1), "psnr is -5, but lies between 0 and 400"),
     "a similarity of 20": (TABLE.replace("psnr", "ssim"), "ssim is 20, but lies between -1 and 1"),
     "a quote that never ends": (TABLE + '"x,a,9,20\n', "line 20: has 1 fields, the header has 4"),

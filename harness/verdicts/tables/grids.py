@@ -37,6 +37,8 @@ def grids_of(path: Path, text: str) -> list[Grid]:
         grids = list(_latex(text))
     elif name in (".md", ".markdown") or any(map(_divides, text.split("\n"))):
         grids = list(_markdown(text))
+    elif text.lstrip().startswith(("<", "+--")):
+        raise InputError(f"{path}: is a page or a drawn table; save the table as CSV, Markdown or LaTeX")
     else:
         return [_from_csv(path, text)]
     if not grids:
