@@ -163,10 +163,12 @@ def _score_guests(plan: Plan, tasks: list[GroupTask], record: RunRecord, machine
         if plan.guest and path.exists() and (seconds := read_cell(path).train_core_seconds):
             due.append(replace(task, methods=(plan.guest,), budget=Budget(None, None, seconds)))
     for guest in plan.guests:  # one after the other, as both are groups of the same scenes and seed
-        tasks = [task for task in due if task.methods == (guest,) and missing_methods(task)]
-        if tasks and guest != GIVEN:
+        missing = [task for task in due if task.methods == (guest,) and missing_methods(task)]
+        if not missing:
+            continue
+        if guest != GIVEN:
             show.line(f"training {guest} for scale, on each scene for the core seconds of {baseline}")
-        for _ in _events(tasks, machine, record.provenance["commit"], show) if tasks else ():
+        for _ in _events(missing, machine, record.provenance["commit"], show):
             pass
         drop_folder(out)
 

@@ -7,14 +7,14 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from baselines.contract import Box, Rays, Rendering
+from baselines.contract import Box, Rays
 from baselines.methods.explicit import GivenSettings
 from baselines.splats.gaussians import Gaussians
 from baselines.splats.ply import BLURRED, DEGREES, read_ply
 from baselines.splats.rasteriser import COLUMNS
 from harness.machine.stopwatch import Stopwatch
+from harness.training.kinds.splat_trainer import DrawingTrainer
 from harness.training.learner import Job
-from harness.training.trainer import BudgetedTrainer
 from scenes.files.digest import file_digest
 from scenes.files.errors import InputError
 
@@ -29,7 +29,7 @@ def given_gaussians(file: Path, focal: float) -> Gaussians:
         raise InputError(f"{file}: {error}; give the .ply of 3D Gaussian Splatting, or pictures") from error
 
 
-class GivenSplats(BudgetedTrainer):
+class GivenSplats(DrawingTrainer):
     """The Gaussians of a .ply file. It takes no step and no time."""
 
     own: GivenSettings
@@ -43,10 +43,6 @@ class GivenSplats(BudgetedTrainer):
     def progress(self) -> float:
         return 1.0
 
-    @property
-    def fields(self) -> Gaussians:
-        return self.field
-
     def warm_up(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None:
         """Read the Gaussians, and compile the kernels. Raises `InputError`."""
         file = Path(self.own.file)
@@ -58,14 +54,6 @@ class GivenSplats(BudgetedTrainer):
     def train_on(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None:
         """Leave everything as it is; making the batch is not counted."""
         self.clock = Stopwatch(self.device)
-
-    def _rendered(self, rays: Rays, generator: torch.Generator | None, first: int, bins: int | None) -> Rendering:
-        rays.require_finite()
-        return self.field.render(rays)
-
-    def render(self, rays: Rays, chunk: int, bins: int | None = None) -> Rendering:
-        """Render all of `rays` at once, as each chunk would be sorted separately."""
-        return super().render(rays, max(len(rays), 1), bins)
 
     def rendered_by(self) -> dict[str, Any]:
         return {**self._rendered_by(), "degree": self.field.degree, "blurred": self.field.blurred}

@@ -116,7 +116,24 @@ class GaussianTrainer(BudgetedTrainer):
         self.mean, self.square, self.seen = (tensors[name] for name in ("mean", "square", "seen"))
 
 
-class SplatTrainer(GaussianTrainer):
+class DrawingTrainer(BudgetedTrainer):
+    """A trainer of Gaussians that draws all rays at once, as each chunk would be sorted and projected separately."""
+
+    field: Gaussians
+
+    @property
+    def fields(self) -> Gaussians:
+        return self.field
+
+    def _rendered(self, rays: Rays, generator: torch.Generator | None, first: int, bins: int | None) -> Rendering:
+        rays.require_finite()
+        return self.field.render(rays)
+
+    def render(self, rays: Rays, chunk: int, bins: int | None = None) -> Rendering:
+        return super().render(rays, max(len(rays), 1), bins)
+
+
+class SplatTrainer(DrawingTrainer, GaussianTrainer):
     """A trainer of Gaussians that draws all pixels of a view at a time."""
 
     whole_views = True
@@ -143,11 +160,3 @@ class SplatTrainer(GaussianTrainer):
             raise Diverged(self.step, "loss")
         assert values.grad is not None
         return loss, values.grad, drawn
-
-    def _rendered(self, rays: Rays, generator: torch.Generator | None, first: int, bins: int | None) -> Rendering:
-        rays.require_finite()
-        return self.field.render(rays)
-
-    def render(self, rays: Rays, chunk: int, bins: int | None = None) -> Rendering:
-        """Render all of `rays` at once, as each chunk would be sorted and projected separately."""
-        return super().render(rays, max(len(rays), 1), bins)

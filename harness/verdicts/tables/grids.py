@@ -73,7 +73,7 @@ def _from_csv(path: Path, text: str) -> Grid:
     for row, line in body:
         if not row:
             raise InputError(f"{path}, line {line}: is empty; delete it")
-        if (len(row) != len(names) and any(map(str.strip, row[len(names) :]))) or len(row) < len(names):
+        if len(row) < len(names) or any(map(str.strip, row[len(names) :])):
             raise InputError(f"{path}, line {line}: has {len(row)} fields, the header has {len(names)}")
     cells = [[plain(cell) for cell in row[: len(names)]] for row, _ in numbered]
     return Grid(_with_points(cells, mark), [top, *(line for _, line in body)], tuple(filter(None, reversed(titles))))

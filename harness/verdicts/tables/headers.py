@@ -20,23 +20,22 @@ RUN = re.compile(
     r"(?:^|[\s_/-]+)\(?seed[\s_#=-]*(\d+)\)?$|\s*[(\[](?:seed|run|trial)[\s_#=-]*(\d+)[)\]]$", re.IGNORECASE
 )
 """The seed at the end of a name."""
-MEASURE = ("metric", "measure")
+MEASURE = ("metric", "metrics", "measure")
 SEED = ("seed", "run", "trial", "random_seed", "rep", "repeat", "run_id")
+ROLES = {"scene": SCENE, "method": METHOD, "metric": MEASURE, "seed": SEED}
 VALUE = ("value", "score", "result", "mean")
 """The name of a column of numbers of which another column, the file or the text around says what they are."""
 ASIDE = {
     "year", "venue", "publication", "params", "param", "parameters", "fps", "time", "times", "memory", "mem", "vram",
     "size", "gaussians", "points", "primitives", "storage", "steps", "step", "iterations", "iters", "rank", "gpu",
-    "speed",
-    "hours", "minutes", "seconds", "views", "images", "epochs", "best", "hardware", "width", "height", "resolution",
-    "downscale", "layers", "batch", "cost", "mb", "gb",
+    "speed", "hours", "minutes", "seconds", "views", "images", "epochs", "best", "hardware", "width", "height",
+    "resolution", "downscale", "layers", "batch", "cost", "mb", "gb",
 }  # fmt: skip
 """What a column is about that holds neither scenes nor scores."""
 WITH_ASIDE = {
     "train", "training", "render", "rendering", "inference", "test", "model", "storage", "peak", "number", "num", "of",
     "total", "optimization", "optimisation", "per", "scene", "disk", "in", "on", "the", "input", "avg", "average",
-    "mean",
-    "min", "mins", "sec", "mb", "gb", "h", "s", "ms", "m", "k",
+    "mean", "min", "mins", "sec", "mb", "gb", "h", "s", "ms", "m", "k",
 }  # fmt: skip
 """The words that may stand next to them."""
 UNITS = {"db", "s", "sec", "ms", "min", "mins", "h", "hr", "hrs", "mb", "gb", "kb", "m", "k", "%", "it/s"}
@@ -100,14 +99,12 @@ def words_of(name: str) -> list[str]:
 
 def role_of(name: str) -> str:
     """Return `scene`, `method`, `metric` or `seed` for the name of a column of these, of two such names the first."""
-    known = {"scene": {*SCENE}, "method": {*METHOD}}
-    known |= {"metric": {*MEASURE, "metrics"}, "seed": {*SEED}}
     parts = re.split(r"[\\/|]| vs\.? ", name)
     if "→" in name and "↓" in name:  # an arrow that points at the rows
         parts = [part for part in parts if "↓" in part]
     for part in map(bare, parts):
         word = re.sub(r"[\s_](?:id|name|no\.?|number)$", "", part.strip())
-        for role, names in known.items():
+        for role, names in ROLES.items():
             if word in names or part.strip() in names:
                 return role
     return ""
@@ -165,10 +162,6 @@ def may_be_average(name: str) -> bool:
     return bool({*words_of(bare(name))} & WEAK_AVERAGE)
 
 
-def is_difference(name: str) -> bool:
-    return bool(DIFFERENCE.match(bare(name)))
-
-
 def is_aside(name: str) -> bool:
     """Return whether a column of this name holds neither scenes nor scores: a year, time, size, spread, difference."""
     words = {*words_of(bare(name))}
@@ -179,7 +172,7 @@ def is_aside(name: str) -> bool:
         (bool(words & (ASIDE | SPREAD)) and words <= ASIDE | SPREAD | WITH_ASIDE)
         or bare(name).startswith(("#", "vs. ", "vs "))
         or bare(name) in STATISTICS
-        or is_difference(name)
+        or bool(DIFFERENCE.match(bare(name)))
         or bool(in_brackets & OF_TIME_OR_SIZE)
     )
 

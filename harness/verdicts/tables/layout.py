@@ -2,7 +2,7 @@
 is left out. A grid that could be read in two ways is refused.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -232,11 +232,11 @@ def _melted(path: Path, table: _Table) -> Rows:
             raise InputError(f"{path}, line {line}: a second {name} of {' '.join(key)}; rename or delete one")
         of_row[name] = row[scores[0]]
         places.setdefault(key, line)
-    kinds = list(dict.fromkeys(name for of_row in cells.values() for name in of_row))
+    by_kind = _by_kind(cells.values())
     columns: list[list[object]] = [[key[k] for key in cells] for k in range(len(others))]
-    columns += [[of_row.get(kind) for of_row in cells.values()] for kind in kinds]
+    columns += by_kind.values()
     arrows = {(column_name(row[of_metric]), arrow_of(row[of_metric])) for row in table.body}
-    names = [*(heads[k] for k in others), *kinds]
+    names = [*(heads[k] for k in others), *by_kind]
     return rows_of(path, names, columns, "line", list(places.values()), arrows=arrows, notes=table.notes)
 
 
@@ -279,11 +279,9 @@ def _columns(path: Path, table: _Table) -> list[_Column]:
         seeds = [seed for part in parts if (seed := seed_of(part)) is not None]
         names = [name for part in parts if (name := without_seed(part)) and not role_of(part)]
         is_out = is_aside(score) or any(is_average(part) or is_aside(part) for part in (*parts, score))
-        metric = "" if not score else metric_of(score) if not beside_metric(score) else column_name(score)
-        columns.append(_Column(k, metric or column_name(score), " ".join(names), seeds[0] if seeds else None, is_out))
-    if level is None and len(table.heads) > 1:
-        columns = _below_groups(path, table, columns)
-    return columns
+        metric = ("" if beside_metric(score) else metric_of(score)) or column_name(score)
+        columns.append(_Column(k, metric, " ".join(names), seeds[0] if seeds else None, is_out))
+    return columns if level is not None else _below_groups(path, table, columns)
 
 
 def _below_groups(path: Path, table: _Table, columns: list[_Column]) -> list[_Column]:
@@ -302,18 +300,17 @@ def _below_groups(path: Path, table: _Table, columns: list[_Column]) -> list[_Co
 def _of_one_row(table: _Table) -> list[_Column]:
     columns, heads = [], [table.head(k) for k in table.values]
     for k, part in zip(table.values, heads, strict=True):
-        found, is_out = metric_of(part), is_average(part) or is_aside(part)
+        found, is_out = metric_of(part), is_average(part) or is_aside(part) or _is_spread_of(part, heads)
         rest = beside_metric(part) if found else part
-        is_out |= _is_spread_of(part, heads)
         columns.append(_Column(k, found, without_seed(rest), seed_of(part), is_out))
     kept = [column for column in columns if not column.is_left_out]
     if not all(column.metric for column in kept):  # then `Ours w/ SSIM loss` names a method
-        columns = [replace(each, metric="", name=table.head(each.place)) if each.name else each for each in columns]
-        columns = [replace(each, name=without_seed(each.name)) for each in columns]
-    if {column.name.lower() for column in kept if column.metric} <= {
-        "",
-        "train",
-    }:
+        columns = [
+            replace(each, metric="", name=without_seed(table.head(each.place))) if each.name else each
+            for each in columns
+        ]
+    # next to other scenes, `train` is one; by itself it is a split
+    if all(column.name.lower() in ("", "train") for column in kept if column.metric):
         columns = [replace(each, is_left_out=each.is_left_out or bool(each.name and each.metric)) for each in columns]
     return columns
 
@@ -419,9 +416,9 @@ def _gathered(path: Path, table: _Table, kept: list[_Column], columns: list[_Col
         for column in kept:
             parts = (name, column.name) if rows_are == "scene" else (column.name, without_seed(name))
             metric = column_name(row[of_metric]) if of_metric is not None else column.metric
-            seed = (
-                row[of_seed] if of_seed is not None else column.seed or (seed_of(name) if rows_are != "scene" else None)
-            )
+            seed = column.seed or (seed_of(name) if rows_are == "method" else None)
+            if of_seed is not None:
+                seed = row[of_seed]
             scores = cells.setdefault((*parts, seed), {})
             if metric in scores:
                 raise InputError(
@@ -429,13 +426,10 @@ def _gathered(path: Path, table: _Table, kept: list[_Column], columns: list[_Col
                 )
             scores[metric] = row[column.place]
             places.setdefault((*parts, seed), line)
-    kinds = list(dict.fromkeys(metric for scores in cells.values() for metric in scores))
-    names = ["scene", "method"]
-    data: list[list[object]] = [[key[0] for key in cells], [key[1] for key in cells]]
-    if any(key[2] is not None for key in cells):
-        names.append("seed")
-        data.append([key[2] for key in cells])
-    data += [[scores.get(kind) for scores in cells.values()] for kind in kinds]
+    by_kind = _by_kind(cells.values())
+    names = ["scene", "method", *(["seed"] if any(seed is not None for *_, seed in cells) else [])]
+    data: list[list[object]] = [[key[k] for key in cells] for k in range(len(names))]
+    data += by_kind.values()
     arrows = {(c.metric, arrow) for c in kept for arrow in (c.arrow, *(arrow_of(row[c.place]) for row in table.heads))}
     if of_metric is not None:
         arrows |= {(column_name(row[of_metric]), arrow_of(row[of_metric])) for row in table.body}
@@ -447,9 +441,15 @@ def _gathered(path: Path, table: _Table, kept: list[_Column], columns: list[_Col
         table.notes.append(f"Left out, as neither results nor their means: {', '.join(others)}.")
     notes = [*table.notes, *_notes_on([row[column.place] for row in table.body for column in kept])]
     return rows_of(
-        path, [*names, *kinds], data, "line", list(places.values()), arrows=arrows, notes=notes,
+        path, [*names, *by_kind], data, "line", list(places.values()), arrows=arrows, notes=notes,
         averages=[*dict.fromkeys(means)],
     )  # fmt: skip
+
+
+def _by_kind(cells: Collection[dict[str, object]]) -> dict[str, list[object]]:
+    """Return the columns of cells, each a map of kind → value; None where a cell lacks a kind."""
+    kinds = dict.fromkeys(kind for cell in cells for kind in cell)
+    return {kind: [cell.get(kind) for cell in cells] for kind in kinds}
 
 
 def _notes_on(cells: list[str]) -> list[str]:
@@ -490,9 +490,11 @@ def _merged(path: Path, parts: list[Rows]) -> Rows:
                     raise InputError(f"{part.where(row)}: repeats {name} of {key[1]} on {key[0]}, of a table before it")
                 cell[name] = part.columns[name][row]
             places.setdefault(same, numbers[row])
-    names = list(dict.fromkeys(name for cell in cells.values() for name in cell))
-    columns = [[cell.get(name) for cell in cells.values()] for name in names]
+    by_kind = _by_kind(cells.values())
     arrows = {arrow for part in parts for arrow in part.arrows}
     notes = list(dict.fromkeys(note for part in parts for note in part.notes))
     averages = tuple(dict.fromkeys(name for part in parts for name in part.averages))
-    return rows_of(path, names, columns, "line", list(places.values()), arrows=arrows, notes=notes, averages=averages)
+    return rows_of(
+        path, by_kind, list(by_kind.values()), "line", list(places.values()),
+        arrows=arrows, notes=notes, averages=averages,
+    )  # fmt: skip

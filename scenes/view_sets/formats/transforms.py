@@ -366,12 +366,11 @@ def _redundant(camera: Camera, focal: tuple[float, float], size: tuple[int, int]
         if abs(half - focal[axis] * math.tan(angle / 2)) <= PIXEL:
             continue
         expected = 2 * math.atan(half / focal[axis])
-        # of the longer side, or of Blender's sensor of 36 × 24 mm where its height decides
         told = focal[axis] * math.tan(angle / 2)
-        longer = min(abs(0.5 * max(size) - told), abs(0.75 * size[1] - told)) <= PIXEL
-        if camera.fl_x is not None and (axis == 1 or longer):
-            is_side = abs(0.5 * max(size) - told) <= PIXEL
-            of = "the longer side" if is_side else "something else, perhaps of the sensor"
+        is_longer = abs(0.5 * max(size) - told) <= PIXEL
+        is_sensor = abs(0.75 * size[1] - told) <= PIXEL  # Blender's, of 36 × 24 mm, where its height decides
+        if camera.fl_x is not None and (axis == 1 or is_longer or is_sensor):
+            of = "the longer side" if is_longer else "something else, perhaps of the sensor"
             notes.append(
                 f"{name} is {angle:.6g}, where focal length and size give {expected:.6g}: it is the angle of {of}, and "
                 "fl_x, w and h decide."
