@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
 from baselines.held_mean import RunningMean
@@ -35,8 +35,10 @@ class Amplifier(nn.Module, ABC):
     def before_and_after(self, raw: Float[Tensor, " points"]) -> tuple[Tensor, Tensor]:
         """Return the density before and after the amplifier, both [points]; equal without one."""
 
-    def rendered(self, raw: Float[Tensor, " points"]) -> Tensor:
-        """Return the density [points] with which the renderer composites a chunk of these points."""
+    def rendered(self, raw: Float[Tensor, " points"], counted: Bool[Tensor, " points"] | None = None) -> Tensor:
+        """Return the density [points] with which the renderer composites a chunk of these points; with `counted`, the
+        other points are not part of the chunk, and their densities mean nothing.
+        """
         return self.before_and_after(raw)[1]
 
 
@@ -97,16 +99,20 @@ class CallMeanAmplifier(MeanAmplifier):
         mean = torch.where(self.mean.steps > 0, self.mean.value, _mean_of(quantity))
         return quantity, self.about(quantity, mean)
 
-    def rendered(self, raw: Float[Tensor, " points"]) -> Tensor:
+    def rendered(self, raw: Float[Tensor, " points"], counted: Bool[Tensor, " points"] | None = None) -> Tensor:
         quantity = self.quantity(raw)
-        self.mean.observe(quantity)
-        return self.about(quantity, _mean_of(quantity))
+        self.mean.observe(quantity, counted)
+        return self.about(quantity, _mean_of(quantity, counted))
 
     def update_mean(self) -> None:
         self.mean.update(share=1.0)
 
 
-def _mean_of(values: Float[Tensor, " points"]) -> Float[Tensor, ""]:
+def _mean_of(
+    values: Float[Tensor, " points"], counted: Bool[Tensor, " points"] | None = None
+) -> Float[Tensor, ""]:
+    if counted is not None:
+        return torch.where(counted, values, 0.0).sum() / counted.sum().clamp(min=1)
     return values.mean() if values.numel() else values.new_zeros(())  # without points there is nothing to amplify
 
 
@@ -161,13 +167,19 @@ class HeldMeanAmplifier(MeanAmplifier):
 
     def before_and_after(self, raw: Float[Tensor, " points"]) -> tuple[Tensor, Tensor]:
         quantity = self.quantity(raw)
-        self.mean.observe(quantity)
+        return quantity, self._amplified(quantity, None)
+
+    def rendered(self, raw: Float[Tensor, " points"], counted: Bool[Tensor, " points"] | None = None) -> Tensor:
+        return self._amplified(self.quantity(raw), counted)
+
+    def _amplified(self, quantity: Tensor, counted: Tensor | None) -> Tensor:
+        self.mean.observe(quantity, counted)
         gain = self.alpha.clamp(-LARGEST_ALPHA, LARGEST_ALPHA) * PHI
         amplified = contrast_about(quantity, self.mean.value, gain)
         if not self.bounded:
-            return quantity, amplified.clamp(min=0.0)
+            return amplified.clamp(min=0.0)
         boost = torch.where(quantity > 0.5, self.beta, torch.ones_like(self.beta))
-        return quantity, torch.clamp(amplified * boost, 0.0, 1.0)
+        return torch.clamp(amplified * boost, 0.0, 1.0)
 
 
 class HeldMeanListing2Amplifier(HeldMeanAmplifier):

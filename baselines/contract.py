@@ -129,6 +129,19 @@ class Samples:
 
 
 @dataclass(frozen=True)
+class Counts:
+    """Counts of a rendering with fixed shapes, on its device: the host has read none of them."""
+
+    invalid: Int[Tensor, ""]
+    """The densities that are negative or not finite."""
+    needed: Float[Tensor, ""]
+    """The share of the points that were to be evaluated; where it exceeds the capacity, the rest were dropped."""
+
+    def joined(self, other: "Counts") -> "Counts":
+        return Counts(self.invalid + other.invalid, torch.maximum(self.needed, other.needed))
+
+
+@dataclass(frozen=True)
 class Rendering:
     colour: Float[Tensor, "rays 3"]
     """The display colour over the background."""
@@ -138,6 +151,8 @@ class Rendering:
     network_evaluations: int
     coarse_colour: Float[Tensor, "rays 3"] | None = None
     """The colour of the coarse pass, if there are two passes."""
+    counts: Counts | None = None
+    """The counts of a rendering with fixed shapes."""
     samples: Samples | None = None
     """The samples of the last pass; None for several chunks, and for a method that does not sample points of rays."""
 

@@ -11,10 +11,11 @@ from pkgutil import resolve_name
 from typing import Any, cast
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor, nn
 from torch.nn.functional import linear, pad
 
+from baselines.aligned import outputs_of_rays
 from baselines.amplifiers import AMPLIFIERS, Amplifier, MeanAmplifier
 from baselines.catalog import Method
 from baselines.composition import ACTIVATIONS, LADDERS, Parts, skip_layer
@@ -31,7 +32,7 @@ from baselines.contract import (
     counts_by_component,
     glorot,
 )
-from baselines.numerics.encoding import encode, feature_count
+from baselines.numerics.encoding import encode, feature_count, frequency_ladder
 
 ROWS_MULTIPLE = 1024
 """In reduced precision, the number of points is padded to a multiple of this: the processor's library builds and keeps
@@ -48,6 +49,8 @@ class NetworkField(nn.Module):
     """
 
     amplifier: Amplifier
+    position_omega: Tensor
+    direction_omega: Tensor
 
     def __init__(
         self,
@@ -83,6 +86,10 @@ class NetworkField(nn.Module):
         )
         self.amplifier = AMPLIFIERS[parts.amplifier](parts.start_in_units)
         self.density_unit = parts.density_unit(box)
+        # for `baselines.aligned`: the angular frequencies as `encode` rounds them, on the device of the weights
+        for name, bands in (("position", self.position_bands), ("direction", self.direction_bands)):
+            omega = (math.pi * frequency_ladder(self.base, bands, torch.float32)).to(torch.float32)
+            self.register_buffer(f"{name}_omega", omega, persistent=False)
         # the amplifier keeps the paper's α and β
         glorot((named for named in self.named_parameters() if not named[0].startswith("amplifier")), seed)
 
@@ -98,7 +105,9 @@ class NetworkField(nn.Module):
         return self.density_unit if self.amplifier.bounded else math.inf
 
     def encode_directions(self, d: Float[Tensor, "rays 3"]) -> Views:
-        return self._features(d, self.direction_bands) if self.view_dependent else d[:, :0]
+        if not self.view_dependent:
+            return d[:, :0]
+        return encode(self.direction_coordinates(d), self.base, self.direction_bands)
 
     def density(self, x: Points) -> Densities:
         return self.density_before_and_after(x)[1]
@@ -107,10 +116,26 @@ class NetworkField(nn.Module):
         before, after = self.amplifier.before_and_after(self._outputs(x, None, None)[0])
         return before * self.density_unit, after * self.density_unit
 
-    def density_and_colour(self, x: Points, view: Views, ray: RayOf) -> tuple[Densities, Float[Tensor, "points 3"]]:
+    def density_and_colour(
+        self, x: Points, view: Views, ray: RayOf, counted: Bool[Tensor, " points"] | None = None
+    ) -> tuple[Densities, Float[Tensor, "points 3"]]:
+        """Return density and colour; with `counted`, the other points only fill a fixed shape."""
         raw, logits = self._outputs(x, view, ray)
         assert logits is not None
-        return self.amplifier.rendered(raw) * self.density_unit, torch.sigmoid(logits)
+        return self._rendered(raw, counted), torch.sigmoid(logits)
+
+    def density_and_colour_of_rays(
+        self, x: Float[Tensor, "rays points 3"], d: Float[Tensor, "rays 3"], counted: Bool[Tensor, "rays points"]
+    ) -> tuple[Float[Tensor, "rays points"], Float[Tensor, "rays points 3"]]:
+        """Return `density_and_colour` of all points of all rays, to rounding: in fewer and aligned multiplications."""
+        raw, logits = outputs_of_rays(self, x, d)
+        sigma = self._rendered(raw.reshape(-1), counted.reshape(-1))
+        return sigma.unflatten(0, counted.shape), torch.sigmoid(logits)
+
+    def _rendered(self, raw: Tensor, counted: Tensor | None) -> Tensor:
+        own = counted is None or not isinstance(self.amplifier, MeanAmplifier)
+        density = self.amplifier.rendered(raw) if own else self.amplifier.rendered(raw, counted)
+        return density * self.density_unit
 
     @torch.no_grad()
     def dead_units(self) -> dict[str, float]:
@@ -119,12 +144,15 @@ class NetworkField(nn.Module):
         layers = self._hidden(self._encoded(spread).to(self.dtype))
         return {f"density_net.{index}": float((hidden == 0).all(dim=0).float().mean()) for index, hidden in layers}
 
-    def _encoded(self, x: Tensor) -> Tensor:
-        return self._features(x if self.in_scene_units else self.box.normalised(x), self.position_bands)
+    def coordinates(self, x: Points) -> Points:
+        """Return the numbers whose sines are taken: times π, normalised by the box or in scene units."""
+        return x / math.pi if self.in_scene_units else self.box.normalised(x)
 
-    def _features(self, x: Tensor, bands: int) -> Tensor:
-        """Return Fourier features of coordinates; in scene units without the π that `encode` multiplies by."""
-        return encode(x / math.pi if self.in_scene_units else x, self.base, bands)
+    def direction_coordinates(self, d: Float[Tensor, "rays 3"]) -> Float[Tensor, "rays 3"]:
+        return d / math.pi if self.in_scene_units else d
+
+    def _encoded(self, x: Tensor) -> Tensor:
+        return encode(self.coordinates(x), self.base, self.position_bands)
 
     def _outputs(self, x: Tensor, view: Tensor | None, ray: Tensor | None) -> tuple[Tensor, Tensor | None]:
         """Return raw density [points] and, with a view, colour logits [points, 3], both float32 as the weights are."""

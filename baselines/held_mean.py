@@ -1,7 +1,7 @@
 """A running mean that belongs to the field and not to a chunk."""
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
 MEAN_SHARE = 0.1
@@ -18,24 +18,36 @@ class RunningMean(nn.Module):
         super().__init__()
         self.register_buffer("value", torch.zeros(()))
         self.register_buffer("steps", torch.zeros(()))
-        self._seen: tuple[Tensor, int] | None = None
+        self._seen: Float[Tensor, " 2"] | None = None
+        """The sum and the number of the values of a step, in double precision; None outside a step."""
 
     def begin(self) -> None:
-        self._seen = (torch.zeros((), dtype=torch.float64, device=self.value.device), 0)
+        self._seen = torch.zeros(2, dtype=torch.float64, device=self.value.device)
 
-    def observe(self, values: Float[Tensor, " points"]) -> None:
-        """Add values in double precision, so that the result does not depend on how a step is split into chunks."""
-        if self._seen is not None:
-            total, count = self._seen
-            self._seen = (total + values.detach().sum(dtype=torch.float64), count + values.numel())
+    def observe(self, values: Float[Tensor, " points"], counted: Bool[Tensor, " points"] | None = None) -> None:
+        """Add values in double precision, so that the result does not depend on how a step is split into chunks; with
+        `counted`, only those.
+        """
+        if self._seen is None:
+            return
+        values = values.detach()
+        if counted is None:
+            total = values.sum(dtype=torch.float64)
+            self._seen = self._seen + torch.stack([total, torch.full_like(total, values.numel())])
+        else:
+            kept = torch.where(counted, values, 0.0)
+            self._seen = self._seen + torch.stack([kept.sum(dtype=torch.float64), counted.sum(dtype=torch.float64)])
 
     @torch.no_grad()
     def update(self, share: float = MEAN_SHARE) -> None:
         """End the step: move to the mean of the observed values at first, later by a share that falls to `share`."""
-        if self._seen is not None and self._seen[1]:
+        if self._seen is not None:
+            total, count = self._seen.unbind()
             moved = torch.clamp(1.0 / (self.steps + 1.0), min=share)
-            self.value.lerp_((self._seen[0] / self._seen[1]).to(self.value.dtype), moved)
-            self.steps += 1.0
+            seen = count > 0
+            mean = torch.where(seen, total / count, self.value.double()).to(self.value.dtype)
+            self.value.lerp_(mean, moved)
+            self.steps += seen
         self._seen = None
 
     def drop(self) -> None:

@@ -6,42 +6,29 @@ A bin that is not evaluated has optical depth 0, so that one quadrature serves d
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
+from typing import Any
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from baselines.contract import Box, RadianceField, Rays, Rendering, Samples
+from baselines.fixed_shapes import march_fixed
 from baselines.numerics.bounds import ray_box
 from baselines.numerics.checks import BadDensity, require_density, require_interval
 from baselines.numerics.compositing import composite, expected_depth
 from baselines.numerics.quadrature import QUADRATURES
-from baselines.numerics.sampling import Bins, Edges, inverse_cdf_edges, uniform_edges
+from baselines.numerics.sampling import Bins, Draws, Edges, inverse_cdf_edges, uniform_edges
 from baselines.occupancy import OccupancyGrid
+from baselines.sampling_plan import Sampling, bins_to_evaluate
 
 OPAQUE = 1e-4
 """The transmittance below which nothing is evaluated. It changes a colour by less than 1e-4, 1/39 of an 8-bit step."""
 SEGMENTS = 4
 """The number of parts, front to back, in which a ray that may stop early is evaluated."""
-
-
-@dataclass(frozen=True)
-class Sampling:
-    bins: int
-    fine_bins: int = 0
-    """The number of further fenceposts by importance, used with a second (fine) field."""
-    quadrature: str = "midpoint"
-    clip_to_box: bool = True
-    """Whether rays are cut to the box; listing-4 quadrature needs its last point at `far`."""
-    early_stop: bool = False
-    """Whether a ray without gradients stops where its transmittance is below `OPAQUE`, if density allows it."""
-    hidden: bool = False
-    """Whether training skips points that the occupancy grid hides (`OccupancyGrid.hidden`), if density allows it."""
-    exploration: float = 0.0
-    """The share of unoccupied points that training evaluates nevertheless."""
 
 
 def render_rays(
@@ -52,9 +39,9 @@ def render_rays(
     sampling: Sampling,
     grid: OccupancyGrid | None,
     background: Float[Tensor, " 3"],
-    generator: torch.Generator | None,
+    draws: Draws | None,
 ) -> Rendering:
-    """Render `rays`. Points are random inside their bins with a generator (training), else midpoints. The samples of
+    """Render `rays`. Points are random inside their bins with `draws` (training), else midpoints. The samples of
     the result are those of the rays that meet the box.
 
     The result does not depend on which rays share the chunk, unless a field's density does (Listing 2, Eq. 4).
@@ -62,22 +49,25 @@ def render_rays(
     a density that is negative or not finite.
     """
     require_interval(rays.near, rays.far)
-    march = partial(_march, sampling=sampling, grid=grid, background=background, generator=generator)
+    march: Any = partial(march_fixed if sampling.fixed else _march, sampling=sampling, grid=grid, background=background, draws=draws)
 
     def coarse_and_fine(rays: Rays, entry: Tensor, leave: Tensor) -> Rendering:
         first, edges, w = march(coarse, rays, uniform_edges(entry, leave, sampling.bins))
         if fine is None:
             return first
-        drawn = inverse_cdf_edges(edges, w.detach(), sampling.fine_bins, generator)
+        drawn = inverse_cdf_edges(edges, w.detach(), sampling.fine_bins, draws)
         fine_edges, _ = torch.sort(torch.cat([edges, drawn], dim=-1), dim=-1)
         second, _, _ = march(fine, rays, fine_edges)
         evaluations = first.network_evaluations + second.network_evaluations
-        return replace(second, network_evaluations=evaluations, coarse_colour=first.colour)
+        counts = None if first.counts is None or second.counts is None else first.counts.joined(second.counts)
+        return replace(second, network_evaluations=evaluations, coarse_colour=first.colour, counts=counts)
 
     if not sampling.clip_to_box:
         entry = torch.full_like(rays.origins[:, 0], rays.near)
         return coarse_and_fine(rays, entry, torch.full_like(entry, rays.far))
     entry, leave, hit = ray_box(rays.origins, rays.directions, box.lower, box.upper, rays.near, rays.far)
+    if sampling.fixed:  # rays that miss have bins of length 0, and show the background
+        return coarse_and_fine(rays, entry, leave)
     inside = torch.nonzero(hit)[:, 0]
     try:
         seen = coarse_and_fine(rays.chosen(inside), entry[inside], leave[inside])
@@ -104,26 +94,17 @@ def _march(
     sampling: Sampling,
     grid: OccupancyGrid | None,
     background: Float[Tensor, " 3"],
-    generator: torch.Generator | None,
+    draws: Draws | None,
 ) -> tuple[Rendering, Edges, Bins]:
     """March once along all rays. Return the rendering, the fenceposts of the bins, and the weight of each bin.
 
     Where bins share points, a bin is evaluated completely or has length 0: every point with a weight has a colour.
     """
     rule = QUADRATURES[sampling.quadrature]
-    t, t_edges = rule.place(t_edges, generator)
+    t, t_edges = rule.place(t_edges, draws)
     x = rays.origins.unsqueeze(1) + t.unsqueeze(-1) * rays.directions.unsqueeze(1)
     lengths = rule.lengths(t, t_edges)
-    keep = lengths > 0
-    if grid is not None:
-        cell = grid.cell(x)
-        occupied = grid.occupied[cell]
-        if generator is not None:
-            if sampling.hidden and field.pointwise:  # else skipping points would change the others
-                occupied = occupied & ~grid.hidden(cell, lengths)
-            u = torch.rand(t.shape, generator=generator, device=generator.device).to(t.device)
-            occupied = occupied | (grid.within[cell] & (u < sampling.exploration))
-        keep = keep & rule.bins_with(occupied)
+    keep = bins_to_evaluate(field, x, lengths, rule, sampling, grid, draws)
     view = field.encode_directions(rays.directions)
     may_stop = sampling.early_stop and field.pointwise and not torch.is_grad_enabled()
     sigma = torch.zeros_like(t)

@@ -5,7 +5,7 @@ NeRF has base 2, the paper base φ. `encode` gives the same features faster; `fo
 """
 
 import math
-from functools import lru_cache
+from functools import cache
 
 import torch
 from jaxtyping import Float
@@ -92,7 +92,7 @@ def encode(x: Float[Tensor, "points axes"], base: float, bands: int) -> Float[Te
     return features.t()
 
 
-@lru_cache(maxsize=64)
+@cache
 def _angular_frequencies(base: float, bands: int, dtype: torch.dtype, device: torch.device) -> Tensor:
     """Return f π, [bands, 1, 1], rounded as in `fourier_features`; cached, as it costs as much as 500 points."""
     return (math.pi * frequency_ladder(base, bands, dtype)).to(device).view(bands, 1, 1)

@@ -16,7 +16,7 @@ from torch import Tensor
 
 from baselines.numerics.checks import require_density, require_rising
 from baselines.numerics.end_weights import EndWeights, Shares, even_shares, shares_linear_in_depth
-from baselines.numerics.sampling import Bins, Edges, jittered_edges, points_in_bins
+from baselines.numerics.sampling import Bins, Draws, Edges, jittered_edges, points_in_bins
 
 PointsOfRays = Float[Tensor, "rays points"]
 
@@ -42,9 +42,9 @@ class Rule:
     Bin i has the points `stride · i` to `stride · i + stride − 1` and, in a `closed` rule, the first of the next bin.
     """
 
-    place: Callable[[Tensor, torch.Generator | None], tuple[Tensor, Tensor]]
-    """Map (t_edges, generator) → points, and the fenceposts of their bins. A rule whose points are fenceposts moves
-    them at random with a generator (training); other rules return the given fenceposts.
+    place: Callable[[Tensor, Draws | None], tuple[Tensor, Tensor]]
+    """Map (t_edges, draws) → points, and the fenceposts of their bins. A rule whose points are fenceposts moves
+    them at random with draws (training); other rules return the given fenceposts.
     """
     optical_depth: Callable[[Tensor, Tensor], Tensor]
     """Map (sigma, lengths) → τ of each bin, [rays, bins]."""
@@ -153,22 +153,22 @@ def _colour_linear_in_depth(sigma: Tensor, lengths: Tensor) -> tuple[Tensor, Ten
     return torch.nn.functional.pad(w.unsqueeze(-1), (0, 1)).flatten(-2)[:, :-1], T_end
 
 
-def _in_bins(t_edges: Tensor, generator: torch.Generator | None) -> tuple[Tensor, Tensor]:
-    return points_in_bins(t_edges, generator), t_edges
+def _in_bins(t_edges: Tensor, draws: Draws | None) -> tuple[Tensor, Tensor]:
+    return points_in_bins(t_edges, draws), t_edges
 
 
-def _on_left_ends(t_edges: Tensor, generator: torch.Generator | None) -> tuple[Tensor, Tensor]:
-    moved = jittered_edges(t_edges, generator)
+def _on_left_ends(t_edges: Tensor, draws: Draws | None) -> tuple[Tensor, Tensor]:
+    moved = jittered_edges(t_edges, draws)
     return moved[:, :-1], moved
 
 
-def _on_edges(t_edges: Tensor, generator: torch.Generator | None) -> tuple[Tensor, Tensor]:
-    moved = jittered_edges(t_edges, generator)
+def _on_edges(t_edges: Tensor, draws: Draws | None) -> tuple[Tensor, Tensor]:
+    moved = jittered_edges(t_edges, draws)
     return moved, moved
 
 
-def _on_edges_and_middles(t_edges: Tensor, generator: torch.Generator | None) -> tuple[Tensor, Tensor]:
-    moved = jittered_edges(t_edges, generator)
+def _on_edges_and_middles(t_edges: Tensor, draws: Draws | None) -> tuple[Tensor, Tensor]:
+    moved = jittered_edges(t_edges, draws)
     pairs = torch.stack([moved[:, :-1], points_in_bins(moved, None)], dim=-1)
     return torch.cat([pairs.flatten(-2), moved[:, -1:]], dim=-1), moved
 

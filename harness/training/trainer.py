@@ -19,7 +19,8 @@ from baselines.numerics.checks import BadDensity
 from baselines.numerics.optimisers import Optimiser, optimiser_of
 from baselines.numerics.weight_average import WeightAverage
 from baselines.occupancy import OccupancyGrid
-from baselines.rendering import Sampling, render_rays
+from baselines.rendering import render_rays
+from baselines.sampling_plan import Sampling
 from harness.machine.stopwatch import Stopwatch
 from harness.plan.plugins import method_named
 from harness.plan.schedule import learning_rate

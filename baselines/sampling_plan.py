@@ -1,0 +1,55 @@
+"""Which points of a ray are evaluated: the settings of sampling, and the bins that the occupancy grid leaves."""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from baselines.contract import RadianceField
+from baselines.numerics.quadrature import Rule
+from baselines.numerics.sampling import Bins, Draws, uniform
+from baselines.occupancy import OccupancyGrid
+
+
+@dataclass(frozen=True)
+class Sampling:
+    bins: int
+    fine_bins: int = 0
+    """The number of further fenceposts by importance, used with a second (fine) field."""
+    quadrature: str = "midpoint"
+    clip_to_box: bool = True
+    """Whether rays are cut to the box; listing-4 quadrature needs its last point at `far`."""
+    early_stop: bool = False
+    """Whether a ray without gradients stops where its transmittance is below `OPAQUE`, if density allows it."""
+    hidden: bool = False
+    """Whether training skips points that the occupancy grid hides (`OccupancyGrid.hidden`), if density allows it."""
+    exploration: float = 0.0
+    """The share of unoccupied points that training evaluates nevertheless."""
+    fixed: bool = False
+    """Whether all shapes depend only on the number of rays, and the host reads nothing (`baselines.fixed_shapes`)."""
+    capacity: float = 1.0
+    """The share of the points of a fixed shape that can be evaluated; what does not fit is counted as dropped."""
+
+
+def bins_to_evaluate(
+    field: RadianceField,
+    x: Float[Tensor, "rays points 3"],
+    lengths: Bins,
+    rule: Rule,
+    sampling: Sampling,
+    grid: OccupancyGrid | None,
+    draws: Draws | None,
+) -> Bool[Tensor, "rays bins"]:
+    """Return the bins that have a length and are not known to be empty or, in training (`draws`), hidden."""
+    keep = lengths > 0
+    if grid is None:
+        return keep
+    cell = grid.cell(x)
+    occupied = grid.occupied[cell]
+    if draws is not None:
+        if sampling.hidden and field.pointwise:  # else skipping points would change the others
+            occupied = occupied & ~grid.hidden(cell, lengths)
+        u = uniform(cell.shape, draws, lengths)
+        occupied = occupied | (grid.within[cell] & (u < sampling.exploration))
+    return keep & rule.bins_with(occupied)
