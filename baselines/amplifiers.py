@@ -108,9 +108,7 @@ class CallMeanAmplifier(MeanAmplifier):
         self.mean.update(share=1.0)
 
 
-def _mean_of(
-    values: Float[Tensor, " points"], counted: Bool[Tensor, " points"] | None = None
-) -> Float[Tensor, ""]:
+def _mean_of(values: Float[Tensor, " points"], counted: Bool[Tensor, " points"] | None = None) -> Float[Tensor, ""]:
     if counted is not None:
         return torch.where(counted, values, 0.0).sum() / counted.sum().clamp(min=1)
     return values.mean() if values.numel() else values.new_zeros(())  # without points there is nothing to amplify

@@ -81,7 +81,7 @@ class OccupancyGrid:
         opacity = -torch.expm1(-self.density * thickness)
         seen = self.within & (opacity > self.opacity_threshold * opacity[self.within].max())
         self.emptied = not bool(seen.any())
-        self.occupied = self.within.clone() if self.emptied else seen
+        self.occupied.copy_(self.within if self.emptied else seen)  # in place, as a captured step reads it there
 
     def occupied_share(self) -> float:
         return float(self.occupied.float().mean())

@@ -49,7 +49,9 @@ def render_rays(
     a density that is negative or not finite.
     """
     require_interval(rays.near, rays.far)
-    march: Any = partial(march_fixed if sampling.fixed else _march, sampling=sampling, grid=grid, background=background, draws=draws)
+    march: Any = partial(
+        march_fixed if sampling.fixed else _march, sampling=sampling, grid=grid, background=background, draws=draws
+    )
 
     def coarse_and_fine(rays: Rays, entry: Tensor, leave: Tensor) -> Rendering:
         first, edges, w = march(coarse, rays, uniform_edges(entry, leave, sampling.bins))

@@ -30,8 +30,10 @@ LARGEST_SIDE = 1024
 
 @runtime_checkable
 class Optimiser(Protocol):
-    def step(self, rate: float) -> None:
-        """Take one step with that learning rate. Gradients of zero leave the weights finite."""
+    def step(self, rate: float | Tensor) -> None:
+        """Take one step with that learning rate. Gradients of zero leave the weights finite. Adam also takes the rate
+        as a tensor on the device of the weights, and then waits for nothing.
+        """
 
     def tensors(self) -> dict[str, Tensor]:
         """Return the complete state by name, in any order."""
@@ -44,11 +46,26 @@ class TorchOptimisers:
     def __init__(self, *parts: torch.optim.Optimizer) -> None:
         self.parts = parts
 
-    def step(self, rate: float) -> None:
+    def step(self, rate: float | Tensor) -> None:
         for part in self.parts:
             for group in part.param_groups:
                 group["lr"] = rate
             part.step()
+
+    @torch.no_grad()
+    def prepare(self) -> None:
+        """Allocate the state, so that no step does; a state that exists stays as it is."""
+        if self.tensors():
+            return
+        weights = [weight for part in self.parts for group in part.param_groups for weight in group["params"]]
+        before = [weight.grad for weight in weights]
+        for weight in weights:
+            weight.grad = torch.zeros_like(weight)
+        self.step(0.0)
+        for value in self.tensors().values():
+            value.zero_()
+        for weight, gradient in zip(weights, before, strict=True):
+            weight.grad = gradient
 
     def tensors(self) -> dict[str, Tensor]:
         return {
@@ -75,7 +92,8 @@ class TorchOptimisers:
 
 
 def _adam(weights: list[nn.Parameter], settings: OptimiserSettings) -> Optimiser:
-    return TorchOptimisers(torch.optim.Adam(weights, betas=settings.betas, fused=True))
+    on_a_gpu = any(weight.is_cuda for weight in weights)  # there a graph may contain the step
+    return TorchOptimisers(torch.optim.Adam(weights, betas=settings.betas, fused=True, capturable=on_a_gpu))
 
 
 def _is_table(weight: nn.Parameter) -> bool:
@@ -97,7 +115,7 @@ class Together:
     def __init__(self, **parts: Optimiser) -> None:
         self.parts = parts
 
-    def step(self, rate: float) -> None:
+    def step(self, rate: float | Tensor) -> None:
         for part in self.parts.values():
             part.step(rate)
 

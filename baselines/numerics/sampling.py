@@ -55,9 +55,7 @@ def jittered_edges(t_edges: Edges, draws: Draws | None) -> Edges:
     return torch.cat([t_edges[:, :1], inner, t_edges[:, -1:]], dim=-1) if t_edges.shape[-1] > 1 else t_edges
 
 
-def inverse_cdf_edges(
-    t_edges: Edges, w: Bins, count: int, draws: Draws | None
-) -> Float[Tensor, "rays count"]:
+def inverse_cdf_edges(t_edges: Edges, w: Bins, count: int, draws: Draws | None) -> Float[Tensor, "rays count"]:
     """Return `count` distances in rising order, distributed as the step function with mass `w` in each bin. With
     `draws` they are random in their strata, without them at the midpoints. See also `inverse_cdf`.
     """

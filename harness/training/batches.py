@@ -116,8 +116,12 @@ class Batch(NamedTuple):
     core_seconds: float = 0.0
 
 
+RESIDENT_SHARE = 0.25
+"""The maximum share of a GPU's memory for the training images; larger sets are read pixel by pixel."""
+
+
 class Batches:
-    """Random pixels of all training views, on the device of the cameras. It stores one batch and no image."""
+    """Random pixels of all training views, on the device of the cameras; a GPU holds the images if they are small."""
 
     def __init__(self, cameras: Cameras, rgba: ImageStack, covered_share: float = 0.0) -> None:
         """Take `rgba` [views, height, width, 4], display colour with straight alpha; raises `ValueError` for another
@@ -131,6 +135,19 @@ class Batches:
         self.covered_share = covered_share
         self._covered = covered_pixels(rgba) if covered_share else np.zeros(0, dtype=np.int64)
         self._last: tuple[tuple[int | str, int, int], Batch] | None = None
+        self._resident: Float[Tensor, "pixels 3"] | None = None
+        """The colours over white of all pixels, on the device."""
+        device = cameras.camera_to_world.device
+        if device.type == "cuda":
+            room = RESIDENT_SHARE * torch.cuda.get_device_properties(device).total_memory
+            if 12 * math.prod(rgba.shape[:3]) <= room:
+                self.hold()
+
+    def hold(self) -> None:
+        """Copy the colours of all pixels to the device, view by view."""
+        device = self.cameras.camera_to_world.device
+        views = (torch.from_numpy(over_white(self.rgba[view])).reshape(-1, 3) for view in range(len(self.cameras)))
+        self._resident = torch.cat([colours.to(device) for colours in views])
 
     def batch(self, seed: int | str, step: int, count: int) -> Batch:
         """Return `count` rays and their colours over white, which depend only on the arguments. Do not change them:
@@ -144,10 +161,16 @@ class Batches:
     def stream(self, seed: int | str, count: int) -> Callable[[int], Batch]:
         return lambda step: self.batch(seed, step, count)
 
-    def for_learner(self, whole_views: bool, seed: int | str, count: int) -> Callable[[int], Batch]:
-        """Return step → batch: `count` rays, or with `whole_views` all pixels of a random training view, row by row."""
+    def for_learner(
+        self, whole_views: bool, seed: int | str, count: int, in_turns: bool = False
+    ) -> Callable[[int], Batch]:
+        """Return step → batch: `count` rays, or with `whole_views` all pixels of a random training view, row by row. A
+        learner that trains in turns makes its batches on its own clock, and waits for none.
+        """
         if whole_views:
             return lambda step: self._timed(lambda: self._view(seed, step))
+        if in_turns:
+            return lambda step: self._drawn(seed, step, count)
         return self.stream(seed, count)
 
     def _timed(self, make: Callable[[], Batch]) -> Batch:
@@ -168,8 +191,12 @@ class Batches:
         if on_object:
             place = torch.randint(len(self._covered), (on_object,), generator=generator)
             index = torch.cat([torch.from_numpy(self._covered[place.numpy()]), index])
-        colours = torch.from_numpy(over_white(self.rgba.pixels(index.numpy())))
         device = self.cameras.camera_to_world.device
-        index = index.to(device)
+        if self._resident is None:
+            colours = torch.from_numpy(over_white(self.rgba.pixels(index.numpy()))).to(device)
+            index = index.to(device)
+        else:  # the host does not wait: the copy is one of the device's tasks
+            index = (index.pin_memory() if device.type == "cuda" else index).to(device, non_blocking=True)
+            colours = self._resident[index]
         width, size = self.cameras.width, self.cameras.width * self.cameras.height
-        return Batch(self.cameras.rays(index // size, index % width, index % size // width), colours.to(device))
+        return Batch(self.cameras.rays(index // size, index % width, index % size // width), colours)

@@ -25,30 +25,70 @@ only as they are clipped, one batch in ten would be cut to 6 times the norm of t
 """
 
 
-@dataclass
 class Clipping:
-    """Clipping to a fixed norm and to a multiple of the usual norm, of which a fixed bound may pass a hundred times."""
+    """Clipping to a fixed norm and to a multiple of the usual norm, of which a fixed bound may pass a hundred times.
 
-    norm: float
-    ratio: float
-    usual_norm: float | None = None
-    """The running mean of the norm, with spikes cut; None before the first norm that is not zero."""
-    clipped_steps: int = 0
+    Its state is on the device of the weights, in double precision, so that a step need not wait for the host.
+    """
+
+    def __init__(self, norm: float, ratio: float, device: torch.device | None = None) -> None:
+        self.norm, self.ratio = norm, ratio
+        self._usual = torch.zeros((), dtype=torch.float64, device=device)
+        self._clipped = torch.zeros((), dtype=torch.int64, device=device)
+
+    def state(self) -> list[Tensor]:
+        return [self._usual, self._clipped]
+
+    @property
+    def usual_norm(self) -> float | None:
+        """Return the running mean of the norm, with spikes cut; None before the first norm that is not zero."""
+        return float(self._usual) or None
+
+    @usual_norm.setter
+    def usual_norm(self, value: float | None) -> None:
+        self._usual.fill_(value or 0.0)
+
+    @property
+    def clipped_steps(self) -> int:
+        return int(self._clipped)
+
+    @clipped_steps.setter
+    def clipped_steps(self, count: int) -> None:
+        self._clipped.fill_(count)
 
     @property
     def allowed(self) -> float:
-        return self.norm if self.usual_norm is None else min(self.norm, self.ratio * self.usual_norm)
+        return float(self._allowed())
+
+    def _allowed(self) -> Float[Tensor, ""]:
+        known = torch.clamp(self.ratio * self._usual, max=self.norm)
+        return torch.where(self._usual > 0.0, known, self.norm)
 
     def scale(self, norm: float) -> float:
         """Return the factor in (0, 1] for a gradient of this finite norm, and include the norm in the running mean."""
-        allowed = self.allowed
-        if norm > 0.0:
-            counted, usual = min(norm, SPIKE * allowed), self.usual_norm
-            self.usual_norm = counted if usual is None else usual + (counted - usual) / NORMS_REMEMBERED
-        if norm <= allowed:
-            return 1.0
-        self.clipped_steps += 1
-        return allowed / norm
+        return float(self.factor(torch.full_like(self._usual, norm)))
+
+    def factor(self, norm: Float[Tensor, ""]) -> Float[Tensor, ""]:
+        """Return `scale` as a tensor on the device, for a norm on the device."""
+        norm, allowed, usual = norm.to(self._usual.dtype), self._allowed(), self._usual
+        counted = torch.minimum(norm, SPIKE * allowed)
+        moved = torch.where(usual > 0.0, usual + (counted - usual) / NORMS_REMEMBERED, counted)
+        self._usual.copy_(torch.where(norm > 0.0, moved, usual))
+        clipped = norm > allowed
+        self._clipped.add_(clipped)
+        return torch.where(clipped, allowed / norm, 1.0)
+
+
+@runtime_checkable
+class TakesTurns(Protocol):
+    """Takes many steps of a learner between two looks of the host (`harness.training.turns`)."""
+
+    @property
+    def capacity(self) -> float:
+        """Return the share of the points of a batch that a step can evaluate."""
+
+    def take(self, batch_at: "Callable[[int], Batch]", share: float) -> None: ...
+    def properties(self) -> dict[str, float | str | None]: ...
 
 
 @runtime_checkable
@@ -149,6 +189,15 @@ def take_step(learner: Stepped, batch_at: Callable[[int], Batch]) -> None:
     learner.train_on(batch.rays, batch.colours)
 
 
+def take_turn(learner: Stepped, batch_at: Callable[[int], Batch], share: float = 1.0) -> None:
+    """Take the learner's next step, or its next turn of many, which ends at the `share` of its budget at the latest."""
+    turns: TakesTurns | None = getattr(learner, "turns", None)
+    if turns is None:
+        take_step(learner, batch_at)
+    else:
+        turns.take(batch_at, share)
+
+
 def steps(learner: L, batch_at: Callable[[int], Batch], until: Callable[[L], bool] | None = None) -> Iterator[L]:
     """Step the learner until `until` holds, or to the end of its budget. Yield it after every step, off its clock."""
     while not (until(learner) if until else learner.progress >= 1.0):
@@ -157,8 +206,12 @@ def steps(learner: L, batch_at: Callable[[int], Batch], until: Callable[[L], boo
 
 
 def train(learner: L, batch_at: Callable[[int], Batch], until: Callable[[L], bool] | None = None) -> L:
-    for _ in steps(learner, batch_at, until):
-        pass
+    """Train to the end of the budget, or until `until` holds, which is asked after every step."""
+    while not (until(learner) if until else learner.progress >= 1.0):
+        if until:
+            take_step(learner, batch_at)
+        else:
+            take_turn(learner, batch_at)
     return learner
 
 

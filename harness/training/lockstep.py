@@ -48,7 +48,8 @@ def train_group(
     def fresh(method: str) -> CellTraining:
         job = Job(method, box, task.train, task.budget, stream, device, directed)
         learner = (made_by or learner_for)(job)
-        batch_at = batches.for_learner(learner.whole_views, stream, task.train.rays)
+        in_turns = getattr(learner, "turns", None) is not None
+        batch_at = batches.for_learner(learner.whole_views, stream, task.train.rays, in_turns)
         return CellTraining(learner, batch_at, views, task, provenance, floor)
 
     runners = []
@@ -140,6 +141,7 @@ def trained_alone(
     directed = needs_view_direction(views)
     learner = learner_for(Job(method, box_of(views, device), settings, budget, stream, device, directed))
     batches = Batches(evaluate.cameras_of(views, views.train, device), views.train.rgba, settings.covered_share)
-    batch_at = batches.for_learner(learner.whole_views, stream, settings.rays)
+    in_turns = getattr(learner, "turns", None) is not None
+    batch_at = batches.for_learner(learner.whole_views, stream, settings.rays, in_turns)
     warm_up(learner, batch_at)
     return train(learner, batch_at)

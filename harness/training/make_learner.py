@@ -9,6 +9,7 @@ import torch
 
 from harness.plan.plugins import method_named
 from harness.training.learner import Job, Learner
+from harness.training.turns import in_turns
 from scenes.files.errors import InputError
 from scenes.rendering.variant import OLDEST_LLVM, llvm_libraries, probe
 
@@ -29,7 +30,7 @@ def learner_for(job: Job) -> Learner:
     except (ImportError, AttributeError, ValueError) as error:
         raise InputError(f"{job.method}: its trainer {trainer} cannot be imported: {error}") from error
     made: Learner = make(job)
-    return made
+    return in_turns(made) if job.device.type == "cuda" else made
 
 
 def splats(job: Job) -> Learner:

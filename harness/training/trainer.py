@@ -2,21 +2,22 @@
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
 from baselines.composition import LOSSES, Parts
-from baselines.contract import FieldSpec, Precision, Rays, Rendering, first_not_finite
+from baselines.contract import Counts, FieldSpec, Precision, Rays, Rendering, first_not_finite
 from baselines.field import field_of, training_step
-from baselines.numerics.checks import BadDensity
+from baselines.numerics.checks import BadDensity, require_density
 from baselines.numerics.optimisers import Optimiser, optimiser_of
+from baselines.numerics.sampling import Draws
 from baselines.numerics.weight_average import WeightAverage
 from baselines.occupancy import OccupancyGrid
 from baselines.rendering import render_rays
@@ -26,7 +27,7 @@ from harness.plan.plugins import method_named
 from harness.plan.schedule import learning_rate
 from harness.plan.seeds import generator_for
 from harness.training.checkpoints import OCCUPIED
-from harness.training.learner import Clipping, Job
+from harness.training.learner import Clipping, Job, TakesTurns
 
 LOSS_SCALE: dict[Precision, float] = {"float32": 1.0, "bfloat16": 1.0, "float16": 1024.0}
 """The factor of the loss in the backward pass, a power of two, so that nothing is rounded. Below 6e-8 a float16 is 0,
@@ -36,8 +37,20 @@ TRACED = ("step", "loss", "gradient_norm", "clipped_norm", "alpha", "beta", "sam
 LAYER = "gradient_norm "
 """The prefix of the norms of single layers in a trace, before clipping."""
 TRACE_EVERY = 20
+ROW = (
+    "loss", "gradient_norm", "clipped_norm", "weight_norm", "evaluations", "invalid", "needed", "alpha", "beta"
+)  # fmt: skip
+"""The first numbers that a step leaves on the device."""
 MEAN = "mean."
 """The prefix of the running means of the weights among the tensors of the optimiser."""
+
+
+class StepLoss(NamedTuple):
+    """The loss of a batch, the number of evaluated points, and the counts of a rendering with fixed shapes."""
+
+    loss: Float[Tensor, ""]
+    evaluations: int
+    counts: Counts | None
 
 
 class Diverged(ArithmeticError):
@@ -63,36 +76,42 @@ class BudgetedTrainer(ABC):
         self.clock = Stopwatch(self.device)
         self.step = 0
         self.network_evaluations = 0
-        self.clipping = Clipping(self.settings.clip_norm, self.settings.clip_ratio)
+        self.clipping = Clipping(self.settings.clip_norm, self.settings.clip_ratio, self.device)
         self.last_loss: float | None = None
         """The loss of the last batch, before its step."""
         self.trace: dict[str, list[float | None]] = {name: [] for name in TRACED}
-        self._layer_norms: dict[str, float] = {}
+        self.turns: TakesTurns | None = None
+        """What takes many steps at a time, on a device that should not wait for the host (`harness.training.turns`)."""
 
     @property
     def progress(self) -> float:
         return self.budget.progress(self.step, self.clock.seconds, self.clock.core_seconds)
 
-    def _learning_rate(self) -> float:
-        settings = self.settings
+    def learning_rate(self, step: int | None = None) -> float:
+        """Return the learning rate of a step, by default the next, as far as the clock has come."""
+        settings, step = self.settings, self.step if step is None else step
         first, last = settings.learning_rate, settings.last_learning_rate
-        return learning_rate(self.progress, self.step, first, last, settings.warm_up_steps, settings.decay)
+        progress = self.budget.progress(step, self.clock.seconds, self.clock.core_seconds)
+        return learning_rate(progress, step, first, last, settings.warm_up_steps, settings.decay)
 
     @property
     def _is_traced(self) -> bool:
         return (self.step + 1) % TRACE_EVERY == 0 or self.step == 0
 
     def _count(
-        self, loss: float, norms: tuple[float, float], evaluations: int, rays: int, rate: float | None = None
-    ) -> None:
-        """End a step; `norms` of the gradient are before and after clipping, `rate` is common to all weights."""
+        self, loss: float, norms: tuple[float, float], evaluations: int, rays: int, rate: float | None = None,
+        more: Mapping[str, float | None] | None = None,
+    ) -> None:  # fmt: skip
+        """End a step; `norms` of the gradient are before and after clipping, `rate` is common to all weights, `more` is
+        traced as well.
+        """
         traced = self._is_traced
         self.step += 1
         self.last_loss = loss
         self.network_evaluations += evaluations
         if traced:
-            values = (float(self.step), loss, *norms, *self.amplifier_scalars().values(), evaluations / rays, rate)
-            for name, value in (dict(zip(TRACED, values, strict=True)) | self._layer_norms).items():
+            values = (float(self.step), loss, *norms, None, None, evaluations / rays, rate)
+            for name, value in (dict(zip(TRACED, values, strict=True)) | dict(more or {})).items():
                 self.trace.setdefault(name, []).append(value)
 
     def amplifier_scalars(self) -> dict[str, float | None]:
@@ -144,6 +163,8 @@ class Trainer(BudgetedTrainer):
 
     def __init__(self, job: Job) -> None:
         super().__init__(job)
+        self._graded: list[str] = []
+        """The names of the weights that have a gradient."""
         parts = self.own if isinstance(self.own, Parts) else Parts()
         self.settings = settings = replace(self.settings, **parts.schedule)
         self.error = LOSSES[parts.loss]
@@ -188,28 +209,77 @@ class Trainer(BudgetedTrainer):
     def warm_up(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None:
         """Run a forward and a backward pass that change nothing: imports, allocations, kernel choices."""
         _ = self.optimiser
-        self._loss(rays, colours, generator_for(self.seed, "warm-up"))[0].backward()
-        self.fields.zero_grad(set_to_none=True)
+        if self.turns is None:
+            self.loss(rays, colours, generator_for(self.seed, "warm-up"))[0].backward()
+            self.fields.zero_grad(set_to_none=True)
 
     def train_on(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None:
         """Take one step, on the clock; the last step of the budget ends with the mean of the weights. Raises
         `Diverged`; the weights are then those before the step, unless the error names a weight.
         """
         with self.clock.running():
-            self._refresh_grid()
-            rate = self._learning_rate()
-            with training_step([self.coarse, self.fine] if self.fine else [self.coarse]):
-                loss, rendering = self._loss(rays, colours, generator_for(self.seed, self.step, "jitter"))
-                if not math.isfinite(loss_value := loss.item()):
-                    raise self._diverged("loss")
-                norms = self._clipped_gradient(loss)
-                self.optimiser.step(rate)
-            self.fields.zero_grad(set_to_none=True)
-            if not _all_finite(self.fields.parameters()):
-                raise Diverged(self.step, self._first_not_finite("weight"))
-            if self.average:
-                self.average.observe()
-        self._count(loss_value, norms, rendering.network_evaluations, len(rays), rate)
+            self.refresh_grid()
+            rate = self.learning_rate()
+            row = self.looked_at_step(rays, colours, generator_for(self.seed, self.step, "jitter"), rate)
+        self.end_step(row, rate, len(rays))
+
+    def looked_at_step(self, rays: Rays, colours: Tensor, draws: Draws, rate: float | Tensor) -> list[float]:
+        """Take a step of which the host looks at every number. Raises `Diverged` as `train_on`."""
+        row: list[float] = self.take_step(rays, colours, draws, rate, self._checked_loss, self._look).tolist()
+        if not math.isfinite(row[ROW.index("weight_norm")]) and not _all_finite(self.fields.parameters()):
+            raise Diverged(self.step, self._first_not_finite("weight"))
+        if self.average:
+            self.average.observe()
+        return row
+
+    def take_step(
+        self,
+        rays: Rays,
+        colours: Tensor,
+        draws: Draws,
+        rate: float | Tensor,
+        loss_of: Callable[[Rays, Tensor, Draws], StepLoss],
+        look: Callable[[Tensor], None] = lambda norm: None,
+    ) -> Float[Tensor, " numbers"]:
+        """Change the weights by a batch. Return the numbers of `ROW` on the device, then the norm of the gradient of
+        each weight before clipping; `look` gets the norm of all before the weights change.
+        """
+        with training_step([self.coarse, self.fine] if self.fine else [self.coarse]):
+            loss, evaluations, counts = loss_of(rays, colours, draws)
+            scale = LOSS_SCALE[self.settings.precision]
+            (loss * scale).backward()
+            gradients = [weight.grad for weight in self.fields.parameters() if weight.grad is not None]
+            if scale != 1.0:
+                torch._foreach_div_(gradients, scale)
+            norms, norm = _norms(gradients)
+            look(norm)  # before the gradients are scaled by it, which would make them all NaN
+            kept = self.clipping.factor(norm).to(norm.dtype)
+            torch._foreach_mul_(gradients, kept)
+            self.optimiser.step(rate)
+        self._graded = [name for name, weight in self.fields.named_parameters() if weight.grad is not None]
+        self.fields.zero_grad(set_to_none=True)
+        amplifier = getattr(self.field, "amplifier", None)
+        numbers = {
+            "loss": loss,
+            "gradient_norm": norm,
+            "clipped_norm": norm * kept,
+            "weight_norm": _norms([weight.detach() for weight in self.fields.parameters()])[1],
+            "evaluations": float(evaluations),
+            "invalid": 0.0 if counts is None else counts.invalid,
+            "needed": 0.0 if counts is None else counts.needed,
+            "alpha": getattr(amplifier, "alpha", math.nan),
+            "beta": getattr(amplifier, "beta", math.nan),
+        }
+        listed = [value if isinstance(value, Tensor) else torch.full_like(norm, value) for value in numbers.values()]
+        return torch.cat([torch.stack([value.detach().double() for value in listed]), norms.double()])
+
+    def end_step(self, row: list[float], rate: float, rays: int) -> None:
+        """Count a step from the numbers that `take_step` returned."""
+        numbers, norms = dict(zip(ROW, row, strict=False)), row[len(ROW) :]
+        scalars = {name: None if math.isnan(numbers[name]) else numbers[name] for name in ("alpha", "beta")}
+        more = scalars | _by_layer(zip(self._graded, norms, strict=True)) if self._is_traced else None
+        clipping = numbers["gradient_norm"], numbers["clipped_norm"]
+        self._count(numbers["loss"], clipping, int(numbers["evaluations"]), rays, rate, more)
         if self.average and self.progress >= 1.0:
             self.average.adopt()
 
@@ -223,7 +293,7 @@ class Trainer(BudgetedTrainer):
         return {
             **self._rendered_by(),
             "own": asdict(self.own) if self.own is not None else None,
-            "sampling": asdict(self._sampling()),
+            "sampling": asdict(self.sampling()),
             "network": asdict(self.settings.network),
             "precision": self.settings.precision,
             "accelerations": asdict(self.settings.accelerations),
@@ -240,7 +310,7 @@ class Trainer(BudgetedTrainer):
         if self.grid is not None and occupied is not None:
             if occupied.shape != self.grid.occupied.shape or occupied.dtype != torch.bool:
                 raise ValueError(f"an occupancy grid of {occupied.dtype} {tuple(occupied.shape)}")
-            self.grid.occupied = occupied.to(self.device)
+            self.grid.occupied.copy_(occupied)
         self.step = step
 
     def optimiser_tensors(self) -> dict[str, Tensor]:
@@ -253,7 +323,7 @@ class Trainer(BudgetedTrainer):
             self.average.restore(means)
         self.optimiser.restore({name: value for name, value in tensors.items() if not name.startswith(MEAN)})
 
-    def _sampling(self, training: bool = False) -> Sampling:
+    def sampling(self, training: bool = False) -> Sampling:
         grid = self.settings.grid
         # also without the grid, so that switching it off changes nothing but the omission
         settled = grid.cells == 0 or self.whole_rays or self.step > grid.first_step
@@ -266,55 +336,50 @@ class Trainer(BudgetedTrainer):
             early_stop=self.settings.accelerations.early_stop and self.quadrature == "midpoint",
             hidden=self.settings.accelerations.hidden and self.quadrature == "midpoint",
             exploration=self.settings.grid.exploration,
+            # without a grid nearly all points are evaluated, and aligned multiplications are faster
+            fixed=self.turns is not None and (training or self.grid is None),
+            capacity=self.turns.capacity if self.turns is not None and training else 1.0,
         )
 
     def _rendered(
-        self, rays: Rays, generator: torch.Generator | None, first: int = 0, bins: int | None = None
+        self, rays: Rays, draws: Draws | None, first: int = 0, bins: int | None = None, looks: bool = True
     ) -> Rendering:
-        rays.require_finite()
-        sampling = self._sampling(training=generator is not None)
+        """Render one chunk, in training with `draws`. Without `looks` the host reads nothing of fixed shapes."""
+        sampling = self.sampling(training=draws is not None)
+        if looks:
+            rays.require_finite()
         if bins is not None:
             sampling = replace(sampling, bins=bins, fine_bins=round(sampling.fine_bins * bins / sampling.bins))
         try:
-            return render_rays(self.coarse, self.fine, rays, self.box, sampling, self.grid, self.background, generator)
+            shown = render_rays(self.coarse, self.fine, rays, self.box, sampling, self.grid, self.background, draws)
+            if looks and shown.counts is not None and shown.samples is not None and int(shown.counts.invalid):
+                require_density(shown.samples.density)
+                raise self._diverged("density of the coarse pass")
+            return shown
         except BadDensity as error:
             raise self._diverged(f"density of sample {error.sample} of ray {first + error.ray}") from error
         except FloatingPointError as error:  # the coarse pass gave weights that are not finite
             raise Diverged(self.step, self._first_not_finite("weight")) from error
 
-    def _loss(self, rays: Rays, colours: Tensor, generator: torch.Generator) -> tuple[Tensor, Rendering]:
+    def loss(self, rays: Rays, colours: Tensor, draws: Draws, looks: bool = False) -> StepLoss:
         """Return the error of display colours, with that of the coarse pass if there is one (as the original)."""
-        rendering = self._rendered(rays, generator)
+        rendering = self._rendered(rays, draws, looks=looks)
         loss = self.error(rendering.colour, colours)
         if rendering.coarse_colour is not None:
             loss = loss + self.error(rendering.coarse_colour, colours)
-        return loss, rendering
+        return StepLoss(loss, rendering.network_evaluations, rendering.counts)
 
-    def _clipped_gradient(self, loss: Tensor) -> tuple[float, float]:
-        """Compute and clip the gradient. Return its norm before and, if traced, after. Raises `Diverged`."""
-        scale = LOSS_SCALE[self.settings.precision]
-        (loss * scale).backward()
-        gradients = [weight.grad for weight in self.fields.parameters() if weight.grad is not None]
-        if scale != 1.0:
-            torch._foreach_div_(gradients, scale)
-        if not math.isfinite(norm := float(nn.utils.get_total_norm(gradients))):
-            # before the gradients are scaled by it, which would make them all NaN
+    def _checked_loss(self, rays: Rays, colours: Tensor, draws: Draws) -> StepLoss:
+        result = self.loss(rays, colours, draws, looks=True)
+        if not math.isfinite(result.loss.item()):
+            raise self._diverged("loss")
+        return result
+
+    def _look(self, norm: Tensor) -> None:
+        if not math.isfinite(norm.item()):
             raise Diverged(self.step, self._first_not_finite("gradient"))
-        if self._is_traced:
-            self._layer_norms = self._norms_by_layer()
-        if (kept := self.clipping.scale(norm)) < 1.0:
-            torch._foreach_mul_(gradients, kept)
-        return norm, float(nn.utils.get_total_norm(gradients)) if self._is_traced else math.nan
 
-    def _norms_by_layer(self) -> dict[str, float]:
-        squares: dict[str, float] = {}
-        for name, weight in self.fields.named_parameters():
-            layer = LAYER + name.removeprefix("coarse.").removesuffix(".weight").removesuffix(".bias")
-            norm = 0.0 if weight.grad is None else float(weight.grad.norm())
-            squares[layer] = squares.get(layer, 0.0) + norm**2
-        return {layer: math.sqrt(square) for layer, square in squares.items()}
-
-    def _refresh_grid(self) -> None:
+    def refresh_grid(self) -> None:
         settings = self.settings.grid
         since = self.step - settings.first_step
         if self.grid is None or since < 0 or since % settings.every:
@@ -338,8 +403,22 @@ class Trainer(BudgetedTrainer):
         return f"norm of all {what}s"
 
 
+def _norms(tensors: list[Tensor]) -> tuple[Float[Tensor, " tensors"], Float[Tensor, ""]]:
+    """Return the norm of each tensor, and that of all together."""
+    norms = torch.stack(torch._foreach_norm(tensors))
+    return norms, torch.linalg.vector_norm(norms)
+
+
+def _by_layer(norms: Iterable[tuple[str, float]]) -> dict[str, float]:
+    """Return the norms of the gradients of layers, from those of their weights and biases."""
+    squares: dict[str, float] = {}
+    for name, norm in norms:
+        layer = LAYER + name.removeprefix("coarse.").removesuffix(".weight").removesuffix(".bias")
+        squares[layer] = squares.get(layer, 0.0) + norm**2
+    return {layer: math.sqrt(square) for layer, square in squares.items()}
+
+
 def _all_finite(tensors: Iterable[Tensor]) -> bool:
     """Return whether all values are finite, with a single synchronisation if every norm is finite, the usual case."""
     listed = [tensor.detach() for tensor in tensors]
-    norm_is_finite = bool(torch.isfinite(nn.utils.get_total_norm(listed)))
-    return norm_is_finite or all(bool(torch.isfinite(tensor).all()) for tensor in listed)
+    return bool(torch.isfinite(_norms(listed)[1])) or all(bool(torch.isfinite(tensor).all()) for tensor in listed)

@@ -48,7 +48,7 @@ class VoxelTrainer(BudgetedTrainer):
             while self._stages and self.progress >= self._stages[0][0]:
                 self.field = self.field.refined(self._stages.pop(0)[1])
                 self._optimiser = Adam(self.field)
-            rate = self.own.rate_factor * self._learning_rate()
+            rate = self.own.rate_factor * self.learning_rate()
             jitter = generator_for(self.seed, self.step, "jitter")
             loss, norm, gradients, points = self._slope(self.field, rays, colours, jitter)
             scale = self.clipping.scale(norm)
