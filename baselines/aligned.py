@@ -5,11 +5,11 @@ padded with zeros, the density head and the first colour layer are one matrix, a
 added ray by ray. No value is cached between calls, so that a captured graph reads only weights and buffers.
 """
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import torch
 from jaxtyping import Float
-from torch import Tensor
+from torch import Tensor, nn
 from torch.nn.functional import linear, pad
 
 if TYPE_CHECKING:
@@ -33,11 +33,11 @@ def outputs_of_rays(
     position = _padded(features(field.coordinates(x.reshape(-1, 3)), field.position_omega)).to(dtype)
     view = features(field.direction_coordinates(d), field.direction_omega) if field.view_dependent else d[:, :0]
     hidden = position
-    for index, layer in enumerate(field.density_net):
+    for index, layer in enumerate(cast("list[nn.Linear]", list(field.density_net))):
         hidden = field.activation(linear(hidden, _padded(layer.weight).to(dtype), layer.bias.to(dtype)))
         if index == field.skip:
             hidden = torch.cat([hidden, position], dim=-1)
-    first, *others = field.colour_net
+    first, *others = cast("list[nn.Linear]", list(field.colour_net))
     seen = field.density_head.in_features
     heads = torch.cat([first.weight[:, :seen], field.density_head.weight])
     both = linear(hidden, _padded(_padded(heads), rows=True).to(dtype))

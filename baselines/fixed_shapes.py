@@ -79,6 +79,6 @@ def _packed(
 
     def spread(values: Tensor) -> Tensor:
         everything = values.new_zeros((count + 1, *values.shape[1:])).index_copy(0, index, values)
-        return everything[:count].unflatten(0, points.shape)
+        return everything[:count].view(*points.shape, *values.shape[1:])
 
     return spread(sigma), spread(colour)

@@ -6,10 +6,10 @@ A bin that is not evaluated has optical depth 0, so that one quadrature serves d
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
-from typing import Any
 
 import torch
 from jaxtyping import Float
@@ -49,7 +49,7 @@ def render_rays(
     a density that is negative or not finite.
     """
     require_interval(rays.near, rays.far)
-    march: Any = partial(
+    march: Callable[..., tuple[Rendering, Edges, Bins]] = partial(
         march_fixed if sampling.fixed else _march, sampling=sampling, grid=grid, background=background, draws=draws
     )
 

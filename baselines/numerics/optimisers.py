@@ -31,8 +31,8 @@ LARGEST_SIDE = 1024
 @runtime_checkable
 class Optimiser(Protocol):
     def step(self, rate: float | Tensor) -> None:
-        """Take one step with that learning rate. Gradients of zero leave the weights finite. Adam also takes the rate
-        as a tensor on the device of the weights, and then waits for nothing.
+        """Take one step with that learning rate. Gradients of zero leave the weights finite. With a rate on the device
+        of the weights, Adam waits for nothing.
         """
 
     def tensors(self) -> dict[str, Tensor]:

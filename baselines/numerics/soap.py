@@ -126,7 +126,7 @@ class Soap:
         self._first, self._second = torch.zeros_like(flat), torch.zeros_like(flat)
 
     @torch.no_grad()
-    def step(self, rate: float) -> None:
+    def step(self, rate: float | Tensor) -> None:
         gradients = [_stacked(group.weights) for group in self._groups]
         for group, g in zip(self._groups, gradients, strict=True):
             group.observe(g, self.betas[1])
@@ -134,7 +134,7 @@ class Soap:
             for group in self._groups:
                 group.start()
         else:
-            size = rate * math.sqrt(1.0 - self.betas[1] ** self.taken) / (1.0 - self.betas[0] ** self.taken)
+            size = float(rate) * math.sqrt(1.0 - self.betas[1] ** self.taken) / (1.0 - self.betas[0] ** self.taken)
             for group, g in zip(self._groups, gradients, strict=True):
                 moved = group.back(self._direction(group.first, group.second, group.into(g)))
                 torch._foreach_add_(list[Tensor](group.weights), list(moved.unbind()), alpha=-size)

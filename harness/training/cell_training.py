@@ -23,7 +23,7 @@ from harness.records.pictures import RENDER, Render
 from harness.records.snapshot import Unfinished, read_unfinished, unfinished_path, write_unfinished
 from harness.training.batches import Batch
 from harness.training.checkpoints import checkpoint_path, restore_training, save_checkpoint, training_state
-from harness.training.learner import Learner, take_turn, warm_up
+from harness.training.learner import Learner, take_turn, turn_properties, warm_up
 from harness.training.saved_renders import KeptRenders
 from harness.training.scoring import evaluate
 from harness.training.scoring.amplifier_effect import amplifier_effect
@@ -360,7 +360,7 @@ class CellTraining:
             parameters=trainer.field.parameter_counts(),
             properties={
                 **properties,
-                **(trainer.turns.properties() if getattr(trainer, "turns", None) else {}),
+                **turn_properties(trainer),
                 "flops_per_evaluation": flops_per_evaluation(trainer.field),
                 "rays_per_step": task.train.rays,
             },

@@ -189,9 +189,21 @@ def take_step(learner: Stepped, batch_at: Callable[[int], Batch]) -> None:
     learner.train_on(batch.rays, batch.colours)
 
 
+def turns_of(learner: Stepped) -> TakesTurns | None:
+    """Return what takes the learner's turns; None for a learner that takes one step at a time."""
+    turns: TakesTurns | None = getattr(learner, "turns", None)
+    return turns
+
+
+def turn_properties(learner: Stepped) -> dict[str, float | str | None]:
+    """Return facts of the learner's turns for the record."""
+    turns = turns_of(learner)
+    return {} if turns is None else turns.properties()
+
+
 def take_turn(learner: Stepped, batch_at: Callable[[int], Batch], share: float = 1.0) -> None:
     """Take the learner's next step, or its next turn of many, which ends at the `share` of its budget at the latest."""
-    turns: TakesTurns | None = getattr(learner, "turns", None)
+    turns = turns_of(learner)
     if turns is None:
         take_step(learner, batch_at)
     else:

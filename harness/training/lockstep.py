@@ -14,7 +14,7 @@ from harness.records.cells import CellRecord, empty_cell
 from harness.training.batches import Batches
 from harness.training.cell_training import CellTraining, IncompatibleSnapshot
 from harness.training.checkpoints import Keeping
-from harness.training.learner import Job, Learner, train, warm_up
+from harness.training.learner import Job, Learner, train, turns_of, warm_up
 from harness.training.make_learner import NotAvailable, learner_for
 from harness.training.saved_renders import keep_truth
 from harness.training.scoring import evaluate
@@ -48,7 +48,7 @@ def train_group(
     def fresh(method: str) -> CellTraining:
         job = Job(method, box, task.train, task.budget, stream, device, directed)
         learner = (made_by or learner_for)(job)
-        in_turns = getattr(learner, "turns", None) is not None
+        in_turns = turns_of(learner) is not None
         batch_at = batches.for_learner(learner.whole_views, stream, task.train.rays, in_turns)
         return CellTraining(learner, batch_at, views, task, provenance, floor)
 
@@ -141,7 +141,7 @@ def trained_alone(
     directed = needs_view_direction(views)
     learner = learner_for(Job(method, box_of(views, device), settings, budget, stream, device, directed))
     batches = Batches(evaluate.cameras_of(views, views.train, device), views.train.rgba, settings.covered_share)
-    in_turns = getattr(learner, "turns", None) is not None
+    in_turns = turns_of(learner) is not None
     batch_at = batches.for_learner(learner.whole_views, stream, settings.rays, in_turns)
     warm_up(learner, batch_at)
     return train(learner, batch_at)

@@ -267,8 +267,7 @@ class Trainer(BudgetedTrainer):
             "evaluations": float(evaluations),
             "invalid": 0.0 if counts is None else counts.invalid,
             "needed": 0.0 if counts is None else counts.needed,
-            "alpha": getattr(amplifier, "alpha", math.nan),
-            "beta": getattr(amplifier, "beta", math.nan),
+            **{name: getattr(amplifier, name, math.nan) for name in ("alpha", "beta")},
         }
         listed = [value if isinstance(value, Tensor) else torch.full_like(norm, value) for value in numbers.values()]
         return torch.cat([torch.stack([value.detach().double() for value in listed]), norms.double()])
@@ -276,8 +275,10 @@ class Trainer(BudgetedTrainer):
     def end_step(self, row: list[float], rate: float, rays: int) -> None:
         """Count a step from the numbers that `take_step` returned."""
         numbers, norms = dict(zip(ROW, row, strict=False)), row[len(ROW) :]
-        scalars = {name: None if math.isnan(numbers[name]) else numbers[name] for name in ("alpha", "beta")}
-        more = scalars | _by_layer(zip(self._graded, norms, strict=True)) if self._is_traced else None
+        more: dict[str, float | None] = {}
+        if self._is_traced:
+            more = {name: None if math.isnan(numbers[name]) else numbers[name] for name in ("alpha", "beta")}
+            more |= _by_layer(zip(self._graded, norms, strict=True))
         clipping = numbers["gradient_norm"], numbers["clipped_norm"]
         self._count(numbers["loss"], clipping, int(numbers["evaluations"]), rays, rate, more)
         if self.average and self.progress >= 1.0:

@@ -310,7 +310,8 @@ def graph_of_the_gpu(run: Run) -> Run:
 
 def in_turns(learner: Learner, capture: Capture = graph_of_the_gpu, compiler: str | None = "inductor") -> Learner:
     """Let a learner take its steps in turns, if all of a step can run on the device: networks trained by Adam."""
-    if isinstance(learner, Trainer) and learner.settings.optimiser.name == "adam":
-        if all(isinstance(part, NetworkField) for part in learner.fields.children()):
-            learner.turns = Turns(learner, capture, compiler)
+    if not (isinstance(learner, Trainer) and learner.settings.optimiser.name == "adam"):
+        return learner
+    if all(isinstance(part, NetworkField) for part in learner.fields.children()):
+        learner.turns = Turns(learner, capture, compiler)
     return learner

@@ -83,7 +83,9 @@ def agree(method: str, fields: list[NetworkField], sampling: Sampling, grid: Occ
         torch.testing.assert_close(getattr(fixed[0], name), getattr(exact[0], name), atol=1e-10, rtol=1e-10)
     for ours, theirs in zip((*fixed[1], *fixed[2]), (*exact[1], *exact[2]), strict=True):
         torch.testing.assert_close(ours, theirs, atol=1e-10, rtol=1e-7)
-    assert fixed[0].counts is not None and int(fixed[0].counts.invalid) == 0
+    counts = fixed[0].counts
+    assert counts is not None
+    assert int(counts.invalid) == 0
 
 
 @every_method
@@ -118,7 +120,8 @@ def test_directions_are_seen_only_where_they_may_be(view_dependent: bool) -> Non
 def test_what_does_not_fit_is_dropped_and_counted() -> None:
     """The last rays lose their points, and show the background."""
     shown, *_ = taught([in_double(field_of("nerf"))], Sampling(bins=12, fixed=True, capacity=0.25), None)
-    assert shown.counts is not None and float(shown.counts.needed) > 0.25
+    assert shown.counts is not None
+    assert float(shown.counts.needed) > 0.25
     assert float(shown.opacity[-5:].detach().abs().max()) == 0.0
     torch.testing.assert_close(shown.colour[-5:], DOUBLE_WHITE.expand(5, 3))
     assert float(shown.opacity[1].detach()) > 0.0
@@ -136,7 +139,8 @@ def test_invalid_densities_are_counted_and_raise_nothing(value: float, monkeypat
     monkeypatch.setattr(NetworkField, "density_and_colour_of_rays", spoilt)
     some, hit = rays()
     shown = render_rays(field, None, some, BOX, Sampling(bins=4, fixed=True), None, WHITE, DrawsOfAllRays(None))
-    assert shown.counts is not None and int(shown.counts.invalid) == len(hit)
+    assert shown.counts is not None
+    assert int(shown.counts.invalid) == len(hit)
 
 
 @pytest.mark.parametrize(("base", "bands"), [(2.0, 10), (PHI, 10), (2.0, 0)])

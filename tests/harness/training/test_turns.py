@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -230,7 +231,7 @@ def test_turns_end_at_the_share_at_refreshes_and_after_a_hundred_steps() -> None
         while learner.progress < share:
             take_turn(learner, batch_at, share)
             taken.append(learner.step)
-        return [after - before for before, after in zip(taken, taken[1:], strict=False)]
+        return [after - before for before, after in pairwise(taken)]
 
     assert lengths(DENSE, 230) == [100, 100, 30]
     assert lengths(DENSE, 24, 0.3) == [8]
@@ -280,9 +281,8 @@ def test_a_group_in_turns_leaves_complete_records(ball: ViewSet, tmp_path: Path)
         assert [point.step for point in cell.curve] == [6, 12, 24]
         assert cell.properties["step_form"] == "captured"
         assert cell.curve[-1].core_seconds == cell.train_core_seconds > 0
-    singly = {
-        cell.method: cell for cell in train_group(replace(task, out=tmp_path / "singly"), ball, {}, lambda _: None)
-    }
+    one_by_one = train_group(replace(task, out=tmp_path / "singly"), ball, {}, lambda share: None)
+    singly = {cell.method: cell for cell in one_by_one}
     for cell in cells:
         assert cell.scores["psnr"] == pytest.approx(singly[cell.method].scores["psnr"], abs=0.05)
 

@@ -90,7 +90,7 @@ def not_float32(context: StabilityContext, precision: Precision) -> list[str]:
     seen: dict[str, Tensor] = {}
     take_step = trainer.optimiser.step
 
-    def noting(rate: float) -> None:
+    def noting(rate: float | Tensor) -> None:
         take_step(rate)
         for name, weight in trainer.fields.named_parameters():
             seen[f"weight {name}"] = weight
