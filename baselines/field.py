@@ -15,7 +15,6 @@ from jaxtyping import Bool, Float
 from torch import Tensor, nn
 from torch.nn.functional import linear, pad
 
-from baselines.aligned import outputs_of_rays
 from baselines.amplifiers import AMPLIFIERS, Amplifier, MeanAmplifier
 from baselines.catalog import Method
 from baselines.composition import ACTIVATIONS, LADDERS, Parts, skip_layer
@@ -38,6 +37,10 @@ ROWS_MULTIPLE = 1024
 """In reduced precision, the number of points is padded to a multiple of this: the processor's library builds and keeps
 a kernel for each new shape, which takes longer than the multiplication.
 """
+
+
+SIDE = 8
+"""Sides of matrices are padded to a multiple of this where a GPU multiplies them: 16 bytes in half precision."""
 
 
 class NetworkField(nn.Module):
@@ -86,7 +89,7 @@ class NetworkField(nn.Module):
         )
         self.amplifier = AMPLIFIERS[parts.amplifier](parts.start_in_units)
         self.density_unit = parts.density_unit(box)
-        # for `baselines.aligned`: the angular frequencies as `encode` rounds them, on the device of the weights
+        # for `_outputs_of_rays`: the angular frequencies as `encode` rounds them, on the device of the weights
         for name, bands in (("position", self.position_bands), ("direction", self.direction_bands)):
             omega = (math.pi * frequency_ladder(self.base, bands, torch.float32)).to(torch.float32)
             self.register_buffer(f"{name}_omega", omega, persistent=False)
@@ -128,7 +131,7 @@ class NetworkField(nn.Module):
         self, x: Float[Tensor, "rays points 3"], d: Float[Tensor, "rays 3"], counted: Bool[Tensor, "rays points"]
     ) -> tuple[Float[Tensor, "rays points"], Float[Tensor, "rays points 3"]]:
         """Return `density_and_colour` of all points of all rays, to rounding: in fewer and aligned multiplications."""
-        raw, logits = outputs_of_rays(self, x, d)
+        raw, logits = self._outputs_of_rays(x, d)
         sigma = self._rendered(raw.reshape(-1), counted.reshape(-1))
         return sigma.unflatten(0, counted.shape), torch.sigmoid(logits)
 
@@ -174,6 +177,34 @@ class NetworkField(nn.Module):
         for layer in others:
             h = linear(self.activation(h).to(self.dtype), self._weight(layer), layer.bias.to(self.dtype))
         return raw, h[:count].to(raw.dtype)
+
+    def _outputs_of_rays(self, x: Tensor, d: Tensor) -> tuple[Tensor, Tensor]:
+        """Return `_outputs` of points on rays [rays, points, …], in matrix multiplications with aligned sides.
+
+        The matrix units of a GPU need sides that are multiples of 8, and few large multiplications rather than many
+        small ones: inputs are padded with zeros, the density head and the first colour layer are one matrix, and the
+        direction's part of that layer is added ray by ray. No value is cached between calls.
+        """
+        dtype, shape = self.dtype, x.shape[:2]
+        position = _padded(features(self.coordinates(x.reshape(-1, 3)), self.position_omega)).to(dtype)
+        view = features(self.direction_coordinates(d), self.direction_omega) if self.view_dependent else d[:, :0]
+        hidden = position
+        for index, layer in enumerate(_linears(self.density_net)):
+            hidden = self.activation(linear(hidden, _padded(layer.weight).to(dtype), layer.bias.to(dtype)))
+            if index == self.skip:
+                hidden = torch.cat([hidden, position], dim=-1)
+        first, *others = _linears(self.colour_net)
+        seen = self.density_head.in_features
+        heads = torch.cat([first.weight[:, :seen], self.density_head.weight])
+        both = linear(hidden, _padded(_padded(heads), rows=True).to(dtype))
+        colours = first.out_features
+        of_view = linear(view.to(dtype), first.weight[:, seen:].to(dtype), first.bias.to(dtype)).to(first.weight.dtype)
+        h = both[:, :colours].unflatten(0, shape) + of_view.unsqueeze(1)
+        for layer in others:
+            weight, bias = _padded(_padded(layer.weight), rows=True), _padded(layer.bias)
+            h = linear(self.activation(h).to(dtype), weight.to(dtype), bias.to(dtype))[..., : layer.out_features]
+        raw = both[:, colours].to(first.weight.dtype) + self.density_head.bias
+        return raw.unflatten(0, shape), h.to(first.weight.dtype)
 
     def _hidden(self, position: Tensor) -> Iterator[tuple[int, Tensor]]:
         """Yield the outputs of the layers of the density network, [points, width] each."""
@@ -238,6 +269,18 @@ SPREAD_POINTS = 512
 @cache
 def _evenly_spread() -> Float[Tensor, "points 3"]:
     return torch.quasirandom.SobolEngine(3).draw(SPREAD_POINTS)
+
+
+def features(x: Float[Tensor, "points axes"], omega: Float[Tensor, " bands"]) -> Float[Tensor, "points features"]:
+    """Return `baselines.numerics.encoding.fourier_features` with angular frequencies `omega`, bit-identical."""
+    angle = x.unsqueeze(-2) * omega.unsqueeze(-1)
+    return torch.cat([x, torch.stack([torch.sin(angle), torch.cos(angle)], dim=-2).flatten(-3)], dim=-1)
+
+
+def _padded(matrix: Tensor, rows: bool = False) -> Tensor:
+    """Return the matrix with its last axis, or its rows, padded with zeros to a multiple of `SIDE`."""
+    missing = -matrix.shape[0 if rows else -1] % SIDE
+    return pad(matrix, (0, 0, 0, missing) if rows else (0, missing)) if missing else matrix
 
 
 def _linears(layers: nn.ModuleList) -> list[nn.Linear]:

@@ -16,14 +16,14 @@ from jaxtyping import Float
 from torch import Tensor
 
 from baselines.contract import Box, RadianceField, Rays, Rendering, Samples
-from baselines.fixed_shapes import march_fixed
+from baselines.marching.fixed_shapes import march_fixed
+from baselines.marching.sampling_plan import Sampling, bins_to_evaluate
 from baselines.numerics.bounds import ray_box
 from baselines.numerics.checks import BadDensity, require_density, require_interval
 from baselines.numerics.compositing import composite, expected_depth
 from baselines.numerics.quadrature import QUADRATURES
 from baselines.numerics.sampling import Bins, Draws, Edges, inverse_cdf_edges, uniform_edges
 from baselines.occupancy import OccupancyGrid
-from baselines.sampling_plan import Sampling, bins_to_evaluate
 
 OPAQUE = 1e-4
 """The transmittance below which nothing is evaluated. It changes a colour by less than 1e-4, 1/39 of an 8-bit step."""

@@ -15,13 +15,13 @@ from torch import Tensor, nn
 from baselines.composition import LOSSES, Parts
 from baselines.contract import Counts, FieldSpec, Precision, Rays, Rendering, first_not_finite
 from baselines.field import field_of, training_step
+from baselines.marching.sampling_plan import Sampling
 from baselines.numerics.checks import BadDensity, require_density
 from baselines.numerics.optimisers import Optimiser, optimiser_of
 from baselines.numerics.sampling import Draws
 from baselines.numerics.weight_average import WeightAverage
 from baselines.occupancy import OccupancyGrid
 from baselines.rendering import render_rays
-from baselines.sampling_plan import Sampling
 from harness.machine.stopwatch import Stopwatch
 from harness.plan.plugins import method_named
 from harness.plan.schedule import learning_rate

@@ -7,13 +7,12 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from baselines.aligned import features
 from baselines.contract import Box, Rays, Rendering
-from baselines.field import NetworkField, training_step
+from baselines.field import NetworkField, features, training_step
+from baselines.marching.sampling_plan import Sampling
 from baselines.numerics.encoding import PHI, fourier_features, frequency_ladder
 from baselines.occupancy import OccupancyGrid
 from baselines.rendering import render_rays
-from baselines.sampling_plan import Sampling
 from tests.baselines.small_fields import BOX, PARTS, WHITE, every_method, field_of, roughened, some_rays
 
 RAYS, MISSED = 60, slice(None, None, 3)

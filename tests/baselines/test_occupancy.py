@@ -8,9 +8,9 @@ import torch
 from torch import Tensor
 
 from baselines.contract import Box
+from baselines.marching.sampling_plan import Sampling
 from baselines.occupancy import DECAY, HIDDEN, OccupancyGrid
 from baselines.rendering import render_rays
-from baselines.sampling_plan import Sampling
 from tests.baselines.analytic import AnalyticField, ball, cube, homogeneous, rays_at
 
 BOX = cube(dtype=torch.float32)

@@ -10,10 +10,10 @@ import torch
 from torch import Tensor
 
 from baselines.contract import Box, RadianceField, Rays, Rendering
+from baselines.marching.sampling_plan import Sampling
 from baselines.numerics.quadrature import QUADRATURES
 from baselines.occupancy import OccupancyGrid
 from baselines.rendering import OPAQUE, render_rays
-from baselines.sampling_plan import Sampling
 from tests.baselines.analytic import (
     ORANGE,
     AnalyticField,

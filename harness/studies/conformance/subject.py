@@ -12,8 +12,8 @@ from baselines.amplifiers import Amplifier
 from baselines.catalog import Method
 from baselines.contract import Box, FieldSpec, NetworkSize, Rays, Rendering
 from baselines.field import field_of
+from baselines.marching.sampling_plan import Sampling
 from baselines.rendering import render_rays
-from baselines.sampling_plan import Sampling
 from harness.plan.plugins import method_named
 
 SMALL = NetworkSize(depth=4, width=32, colour_layers=2, colour_width=16, position_bands=6, direction_bands=2)

@@ -9,9 +9,9 @@ from torch import Tensor, nn
 from torch.nn.functional import grid_sample, softplus
 
 from baselines.contract import Box, Rays, Rendering, uniform_weights
+from baselines.marching.sampling_plan import Sampling
 from baselines.numerics.optimisers import OptimiserSettings, optimiser_of
 from baselines.rendering import render_rays
-from baselines.sampling_plan import Sampling
 from harness.plan.seeds import generator_for
 from harness.training.learner import Job
 from harness.training.trainer import BudgetedTrainer, Diverged

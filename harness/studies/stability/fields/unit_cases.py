@@ -10,8 +10,8 @@ from safetensors.torch import load_file, save_file
 from torch import Tensor
 
 from baselines.contract import Rays
+from baselines.marching.sampling_plan import Sampling
 from baselines.rendering import render_rays
-from baselines.sampling_plan import Sampling
 from harness.plan.seeds import generator_for
 from harness.records.study import Owner, Series, Table, check
 from harness.studies.framework import Found, Rows

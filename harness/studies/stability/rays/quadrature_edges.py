@@ -8,12 +8,12 @@ import torch
 from torch import Tensor
 
 from baselines.contract import Box, Rays, Rendering
+from baselines.marching.sampling_plan import Sampling
 from baselines.numerics.checks import BadDensity, BadInterval
 from baselines.numerics.compositing import composite, expected_depth
 from baselines.numerics.quadrature import QUADRATURES, Rule
 from baselines.numerics.sampling import inverse_cdf
 from baselines.rendering import render_rays
-from baselines.sampling_plan import Sampling
 from harness.records.study import check
 from harness.studies.framework import Found
 from harness.studies.stability.rays.exact_rays import OURS, FunctionField, owner_of

@@ -10,11 +10,11 @@ from jaxtyping import Float
 from torch import Tensor
 
 from baselines.contract import Box, Rays, Rendering
+from baselines.marching.sampling_plan import Sampling
 from baselines.numerics.bounds import ray_box
 from baselines.numerics.quadrature import QUADRATURES
 from baselines.numerics.sampling import points_in_bins, uniform_edges
 from baselines.rendering import render_rays
-from baselines.sampling_plan import Sampling
 from harness.records.study import Table, check
 from harness.studies.framework import Found, Rows
 from harness.studies.stability.rays.exact_rays import FunctionField, owner_of

@@ -26,7 +26,7 @@ class Sampling:
     exploration: float = 0.0
     """The share of unoccupied points that training evaluates nevertheless."""
     fixed: bool = False
-    """Whether all shapes depend only on the number of rays, and the host reads nothing (`baselines.fixed_shapes`)."""
+    """Whether all shapes depend only on the number of rays, and the host reads nothing (`march_fixed`)."""
     capacity: float = 1.0
     """The share of the points of a fixed shape that can be evaluated; what does not fit is counted as dropped."""
 

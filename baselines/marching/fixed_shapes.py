@@ -13,11 +13,11 @@ from torch import Tensor
 
 from baselines.contract import Counts, Rays, Rendering, Samples
 from baselines.field import NetworkField
+from baselines.marching.sampling_plan import Sampling, bins_to_evaluate
 from baselines.numerics.compositing import expected_depth
 from baselines.numerics.quadrature import QUADRATURES
 from baselines.numerics.sampling import Bins, Draws, Edges
 from baselines.occupancy import OccupancyGrid
-from baselines.sampling_plan import Sampling, bins_to_evaluate
 
 
 def march_fixed(

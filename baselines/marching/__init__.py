@@ -1,0 +1,1 @@
+"""Which points of a ray are evaluated, and marching with fixed shapes; imports fields and numerics."""
