@@ -12,7 +12,7 @@ from torch import Tensor, nn
 from baselines.amplifiers import Amplifier
 from baselines.composition import Ladder, Parts
 from baselines.contract import FieldSpec
-from baselines.methods.ablations import BANDWIDTH, NO_SHIFT, PARTIAL, RELEASED, WEAKENED
+from baselines.methods.ablations import BANDWIDTH, IN_FLOAT32, NO_SHIFT, PARTIAL, RELEASED, WEAKENED
 from baselines.methods.explicit import GAUSSIANS, PLANES, TABLES, GivenSettings, VoxelSettings
 from baselines.methods.nerf import NERF, NERF_MATCHED
 from baselines.methods.qnerf import (
@@ -66,7 +66,7 @@ class Method:
         texts = [text.format_map(values) for text in self.deviations]
         if isinstance(own, Parts) and own.own_training:
             listed = ", ".join(f"{name} {value}" for name, value in own.own_training.items())
-            texts.append(f"It trains with {listed}, the other methods with the loss and schedule of the run.")
+            texts.append(f"It trains with {listed}, the other methods with those of the run.")
         return texts
 
 
@@ -109,6 +109,10 @@ CATALOG: dict[str, Method] = {
     "nerf_base165": Method(BANDWIDTH["nerf_base165"], "NeRF with 1.65^k, which reaches about as far as φ^k: control"),
     "nerf_released": Method(RELEASED, "NeRF with the encoding of its released code: scene units, no π"),
     "nerf_no_shift": Method(NO_SHIFT, "NeRF whose density lacks the shift before softplus, as Listing 2 does"),
+    **{
+        name: Method(parts, f"{name.partition('_')[0]} in float32, where the run has less")
+        for name, parts in IN_FLOAT32.items()
+    },
     "nerf_no_encoding": Method(WEAKENED["nerf_no_encoding"], "NeRF without positional encoding: a known loss"),
     "nerf_no_direction": Method(WEAKENED["nerf_no_direction"], "NeRF without view direction: a known loss"),
     **{name: Method(parts, f"a candidate: {MEANING[parts.amplifier]}") for name, parts in CANDIDATES.items()},

@@ -32,6 +32,7 @@ class Parts:
     depth, width    layers and units of the density network; None: those that the run gives all networks
     loss        a name in `LOSSES`: "squared" (the original NeRF; the paper names none), …
     learning_rate, last_learning_rate, decay, warm_up_steps     its schedule; None: that of the run
+    precision   that of its matrix multiplications; None: that of the run
     quadrature  a name in `baselines.numerics.quadrature.QUADRATURES`
     sees_direction  whether colour may depend on the view direction
     density_scale   density σ where the amplifier gives 1: the unit of density. It is a slope for softplus, and for
@@ -54,6 +55,7 @@ class Parts:
     last_learning_rate: float | None = None
     decay: str | None = None
     warm_up_steps: int | None = None
+    precision: str | None = None
     quadrature: str = "midpoint"
     sees_direction: bool = True
     density_scale: float = DENSITY_SCALE
@@ -66,13 +68,13 @@ class Parts:
 
     @property
     def own_training(self) -> dict[str, Any]:
-        """Return its loss and the parts of its schedule that are not the run's, by name."""
-        return ({} if self.loss == Parts.loss else {"loss": self.loss}) | self.schedule
+        """Return its loss, and its schedule and precision if they are not the run's, by name."""
+        return ({} if self.loss == Parts.loss else {"loss": self.loss}) | self.settings
 
     @property
-    def schedule(self) -> dict[str, Any]:
-        """Return the settings that replace the run's schedule, under their names in `TrainSettings`."""
-        return self._given("learning_rate", "last_learning_rate", "decay", "warm_up_steps")
+    def settings(self) -> dict[str, Any]:
+        """Return the settings that replace those of the run, under their names in `TrainSettings`."""
+        return self._given("learning_rate", "last_learning_rate", "decay", "warm_up_steps", "precision")
 
     def _given(self, *names: str) -> dict[str, Any]:
         return {name: value for name in names if (value := getattr(self, name)) is not None}

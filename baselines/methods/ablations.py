@@ -56,3 +56,8 @@ WEAKENED: dict[str, Parts] = {
     "nerf_no_encoding": replace(NERF, encoding="none"),
     "nerf_no_direction": replace(NERF, sees_direction=False),
 }
+
+IN_FLOAT32 = {
+    f"{name}_float32": replace(parts, precision="float32") for name, parts in (("nerf", NERF), ("qnerf", QNERF))
+}
+"""The pair of the paper with matrix multiplications in float32, beside a run in less: it names no precision."""

@@ -17,7 +17,9 @@ if TYPE_CHECKING:
     from harness.plan.run_plan import Plan
 
 PLAN_OPTIONS: Options = {
-    "--profile": option("plan (default: reduced)", "smoke|reduced|stress|ladder|converged|full", default="reduced"),
+    "--profile": option(
+        "plan (default: reduced)", "smoke|reduced|stress|ladder|converged|full|full_skipping", default="reduced"
+    ),
     "--scenes": option("scenes to train on (default: the profile's)"),
     "--methods": option("methods to compare (default: the profile's)"),
     "--seeds": option("number of seeds", "N", int),
@@ -26,6 +28,9 @@ PLAN_OPTIONS: Options = {
     "--budget-seconds": option("training seconds of each cell, on its own clock", "S", float),
     "--budget-core-seconds": option("processor seconds of each cell's training, all threads", "S", float),
     "--resolution": option("width of the views"),
+    "--checkpoints": option("times at which the test views are scored, the end included", "N", int),
+    "--test-views": option("number of test views (default: the profile's)", "N", int),
+    "--curve-views": option("number of test views of which the curves are means (default: the profile's)", "N", int),
     "--device": {},
     "--precision": option(
         "precision of matrix multiplications (default: the profile's, if the processor has units for it)",
@@ -69,6 +74,9 @@ RANGES = {
     "budget_seconds": (0.1, 3e7),
     "budget_core_seconds": (0.1, 3e7),
     "resolution": (8, 4096),
+    "checkpoints": (1, 100),
+    "test_views": (1, 100_000),
+    "curve_views": (1, 100_000),
     "render_limit": (0.1, 3e7),
 }
 REGION = ("bounds", "near", "far")
@@ -144,6 +152,9 @@ def _changes() -> dict[str, Change]:
         "budget_seconds": budget("seconds"),
         "budget_core_seconds": budget("core_seconds"),
         "resolution": lambda plan, pixels: views(plan, resolution=pixels),
+        "checkpoints": lambda plan, count: replace(plan, score=replace(plan.score, checkpoints=count)),
+        "test_views": lambda plan, count: views(plan, test=count),
+        "curve_views": lambda plan, count: replace(plan, score=replace(plan.score, middle_views=count)),
         "precision": lambda plan, name: train(plan, precision=name),
         "optimiser": lambda plan, name: plan if name == plan.train.optimiser.name else train(plan, **TUNED[name]),
         "without": without,

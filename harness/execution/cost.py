@@ -24,8 +24,9 @@ from harness.plan.settings import ViewSettings
 from harness.records.cells import WAITED, cell_path, read_cell
 from harness.records.metric_table import METRICS
 from harness.records.snapshot import ENDED
-from harness.training.batches import Cameras
-from harness.training.learner import Job, Learner
+from harness.training import turns
+from harness.training.batches import Batch, Cameras
+from harness.training.learner import Job, Learner, take_turn, turns_of
 from harness.training.make_learner import learner_for
 from harness.training.scoring import metrics
 from harness.training.trainer import Diverged, Trainer
@@ -59,6 +60,8 @@ class Pace:
     first_step: float
     step: float
     ray: float
+    capture: float = 0.0
+    """The seconds of compiling and capturing a step, once for each cell."""
 
 
 @dataclass(frozen=True)
@@ -175,14 +178,16 @@ def training_seconds(plan: Plan, pace: Pace) -> float:
     if not plan.budget.steps:
         return limit
     first = min(plan.train.grid.first_step, plan.budget.steps) if plan.train.grid.cells else 0
-    return min(first * pace.first_step + (plan.budget.steps - first) * pace.step, limit)
+    return min(first * pace.first_step + (plan.budget.steps - first) * pace.step, limit) + pace.capture
 
 
 def scoring_seconds(plan: Plan, pace: Pace, paces: Paces) -> float:
     """Return the scoring seconds of a cell at its checkpoints and at its end."""
     score, views = plan.score, plan.views
-    rendered = score.checkpoints * views.test + score.train_views + 2
-    compared = (score.checkpoints + 1) * views.test * paces.compared
+    middle = views.test if score.middle_views is None else min(score.middle_views, views.test)
+    at_checkpoints = (score.checkpoints - 1) * middle + views.test
+    rendered = at_checkpoints + score.train_views + 2
+    compared = (at_checkpoints + views.test) * paces.compared
     return rendered * views.resolution**2 * pace.ray + compared
 
 
@@ -253,14 +258,37 @@ def _pace(learner: Learner, plan: Plan, clock: Callable[[], float]) -> Pace:
     rays, chunk = plan.train.rays, plan.score.chunk
     if learner.whole_views:
         rays = chunk = plan.views.resolution**2
+    chunks = seconds_of(lambda count: learner.render(batch(count)[0], count), chunk, learner.device, clock)
+    if turns_of(learner) is not None:
+        return _pace_in_turns(learner, lambda step: Batch(*batch(rays)), chunks / chunk)
     first = later = seconds_of(step, rays, learner.device, clock)
     if isinstance(learner, Trainer) and plan.train.grid.cells:
         if learner.grid is not None:
             kept = torch.rand(learner.grid.occupied.shape, generator=generator_for("cost")) < OCCUPIED
             learner.grid.occupied = kept.to(learner.device)
         later = seconds_of(settled_step, rays, learner.device, clock)
-    chunks = seconds_of(lambda count: learner.render(batch(count)[0], count), chunk, learner.device, clock)
     return Pace(first, later, chunks / chunk)
+
+
+def _pace_in_turns(learner: Learner, batch_at: Callable[[int], Batch], ray: float) -> Pace:
+    """Return the pace of turns: before empty space is skipped, and later, when their capacity has followed."""
+    assert isinstance(learner, Trainer)
+    first_step = turns.LONGEST
+    learner.budget = Budget(10 * first_step, None)
+    learner.settings = replace(learner.settings, grid=replace(learner.settings.grid, first_step=first_step))
+    paces, captures = [], []
+    for _ in range(3):
+        began, seconds, step = time.perf_counter(), learner.clock.seconds, learner.step
+        take_turn(learner, batch_at)
+        paces.append((learner.clock.seconds - seconds) / (learner.step - step))
+        captures.append(time.perf_counter() - began - (learner.clock.seconds - seconds))
+        if learner.grid is not None and step == 0:
+            kept = torch.rand(learner.grid.occupied.shape, generator=generator_for("cost")) < OCCUPIED
+            learner.grid.within.copy_(kept)
+            learner.grid.occupied.copy_(kept)
+            learner.grid.density.copy_(kept)
+            learner.step = first_step + 2
+    return Pace(paces[0], paces[2], ray, max(sum(captures), 0.0))
 
 
 def seconds_of(work: Callable[[int], object], rays: int, device: torch.device, clock: Callable[[], float]) -> float:

@@ -7,6 +7,7 @@ from msgspec.structs import replace
 from baselines.amplifiers import AMPLIFIERS
 from baselines.catalog import CATALOG as METHODS
 from baselines.composition import Parts
+from baselines.methods.chosen import chosen
 from baselines.numerics.optimisers import OPTIMISER_TITLES
 from harness.plan.plugins import origins, title_of
 from harness.plan.run_plan import Plan
@@ -21,8 +22,11 @@ ALWAYS = [
     "Listing 4 indexes a 2-D tensor with three indices and cannot run; every method is rendered with the sound "
     "quadrature over a white background instead (exclusive sums, expm1, no interval of 1e10). qnerf_listing4 is "
     "Q-NeRF with Listing 4 repaired only so far that it runs.",
-    "Positions are normalised by the scene's box before they are encoded (longest half-extent 1); the paper does not "
-    "say what its coordinates are.",
+    "Positions are normalised by the scene's box (longest half-extent 1) and multiplied by π before they are encoded, "
+    "as Listing 1 prints it: 1.4 to 1.7 octaves beyond the released NeRF, whose coordinates are scene units without π "
+    "(nerf_released). The paper does not say what its coordinates are.",
+    "Each ray of a batch goes through a random pixel of a random image. The paper does not say from how many images a "
+    "batch is drawn; the released NeRF takes one image per step for these scenes.",
     "Rays are cut to the scene's box, outside of which a rendered scene is empty: this changes samples, not the "
     "integral. A view set in the Blender format from elsewhere is taken to lie within ±1.5 unless --bounds says where.",
     "Sampling is not stated in the paper; the full profile takes the original NeRF's 64 coarse + 128 fine.",
@@ -81,21 +85,34 @@ def deviations(plan: Plan, notes: Notes) -> list[str]:
     known = [name for name in plan.methods if name in METHODS]
     return [
         *ALWAYS,
-        *_of_training(plan.train, parts),
+        *_of_training(plan, parts),
         *_of_sampling(plan.train, parts),
+        *_of_scoring(plan),
         *(f"{name}: {text}" for name in known for text in METHODS[name].deviations_with(own.get(name))),
         *_of_images(plan.views, notes),
     ]
 
 
-def _of_training(train: TrainSettings, parts: Mapping[str, Parts]) -> Iterator[str]:
-    paper = TrainSettings()
+SEARCHED_AT = {
+    "reduced": "the profile reduced (100 px, 1000 steps)",
+    "converged": "the profile converged (100 px, 4000 steps)",
+    "full": "400 px and 1500 steps, with the network of the profile converged",
+}
+"""Profile with constants of its own → the scale at which they were searched."""
+
+
+def _of_training(plan: Plan, parts: Mapping[str, Parts]) -> Iterator[str]:
+    train, paper = plan.train, TrainSettings()
     if parts:
         each = (
             f"{method} {of.density_scale:g} and {'as printed' if of.start is None else f'{of.start:g}'}"
             for method, of in parts.items()
         )
-        yield f"Unit of density and density of a fresh field, per half of the box: {'; '.join(each)}."
+        scale = plan.profile if chosen(plan.profile) else "reduced"
+        yield (
+            f"Unit of density and density of a fresh field, per half of the box: {'; '.join(each)}. They were chosen "
+            f"on validation views at the scale of {SEARCHED_AT[scale]}."
+        )
     if (train.learning_rate, train.rays) != (paper.learning_rate, paper.rays):
         yield (
             f"The learning rate falls {SHAPES[train.decay]} from {train.learning_rate:g} to "
@@ -150,6 +167,14 @@ def _of_sampling(train: TrainSettings, parts: Mapping[str, Parts]) -> Iterator[s
             "near them, the same for all methods; the others go anywhere. The loss is the mean over the batch as it "
             "is, so that the object weighs more in it than in the scores. The paper does not say how its rays are "
             "chosen."
+        )
+
+
+def _of_scoring(plan: Plan) -> Iterator[str]:
+    if plan.score.middle_views is not None and plan.score.middle_views < plan.views.test:
+        yield (
+            f"Curves, and scores at equal time, are means over {plan.score.middle_views} evenly spread test views; "
+            "scores at the end, and so those at equal steps, are means over all."
         )
 
 

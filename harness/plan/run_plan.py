@@ -142,7 +142,7 @@ class Plan:
         # by settings, as a searched method may have two names in the catalogue
         searched = {METHODS[name].parts: pair for name, pair in chosen(self.profile).items()}
         for name, parts in own.items():
-            if isinstance(parts, Parts) and (pair := searched.get(parts)):
+            if isinstance(parts, Parts) and (pair := searched.get(replace(parts, precision=None))):
                 own[name] = replace(parts, **pair.fields)
         own |= {name: given for name, given in self.train.own.items() if name in methods}
         return {name: settings for name, settings in own.items() if settings is not None}

@@ -35,6 +35,7 @@ from scenes.files.errors import DamagedRecord, InputError, named
 from scenes.files.json_object import JsonObject
 from scenes.rendering.occupancy import read_occupancy
 from scenes.view_sets.view_set import ViewSet
+from scenes.view_sets.viewpoints import evenly_spread
 
 CORNERS = 8
 """The number of voxels between which a point is interpolated."""
@@ -146,6 +147,10 @@ class CellTraining:
         self.test = evaluate.cameras_of(views, views.test, self.trainer.device)
         self.due = checkpoint_fractions(score.checkpoints, score.earliest)
         self.curve: list[Checkpoint] = []
+        middle = len(views.test.names) if score.middle_views is None else score.middle_views
+        poses = views.test.camera_to_world
+        self.middle: list[int] = evenly_spread(min(middle, len(poses)), poses).tolist()
+        """The test views of which the curve is the mean."""
         self.kept = KeptRenders.of(views.test, score.stored_views, self.task.seed, score.checkpoints)
         self.occupied = read_occupancy(views)
         self.lpips = None if self.task.lpips is None else lpips_of(self.task.lpips)
@@ -266,21 +271,22 @@ class CellTraining:
 
     def _scored(self) -> CellRecord | None:
         """Score a checkpoint. Return the record if it is the last."""
-        drawing = Stopwatch(self.trainer.device)
-        rendered = drawing.counting(evaluate.render_split(self.trainer, self.test, self.task.score.chunk))
-        images = self.kept.passing(rendered, self.trainer.step, last=not self.due)
-        test = self.views.test
+        drawing, test = Stopwatch(self.trainer.device), self.views.test
+        shown = self.middle if self.due else list(range(len(test.names)))
+        rendered = drawing.counting(evaluate.render_split(self.trainer, self.test, self.task.score.chunk, shown))
+        images = self.kept.passing(zip(shown, rendered, strict=True), self.trainer.step, last=not self.due)
         rows: list[ViewScore] = []
         opacities: list[np.floating] = []
         angles: list[float | None] = []
-        for index, image in enumerate(images):  # one view is in memory at a time
+        for index, image in images:  # one view is in memory at a time
             rows.append(evaluate.view_scores(image, test, index, lpips=self.lpips))
             opacities.append(image.opacity.mean())
             if not self.due:
                 angles.append(evaluate.normal_error(self.trainer, image, self.test, test, index))
         scores = evaluate.mean_scores(rows)
         if self.trainer.step:  # Gaussians that are given have no curve
-            self.curve.append(self._checkpoint(scores))
+            of_curve = [row for index, row in zip(shown, rows, strict=True) if index in self.middle]
+            self.curve.append(self._checkpoint(evaluate.mean_scores(of_curve)))
         if self.due:
             return None
         return self._finished(scores, rows, float(np.mean(opacities)), evaluate.mean_of(angles), drawing)

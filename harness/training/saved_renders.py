@@ -125,15 +125,15 @@ class KeptRenders:
         is_first = seed == EVERY_CHECKPOINT_SEED
         return KeptRenders(chosen, test.names, fits and is_first, turned(test) if chosen and is_first else [])
 
-    def passing(self, images: Iterable[View], step: int, last: bool) -> Iterator[View]:
-        """Yield the same views one at a time, and remember those that are saved."""
-        for index, image in enumerate(images):
+    def passing(self, images: Iterable[tuple[int, View]], step: int, last: bool) -> Iterator[tuple[int, View]]:
+        """Yield the same indices and views one at a time, and remember those that are saved."""
+        for index, image in images:
             if (last or self.every) and index in self.chosen:
                 parts = (half(image.colour), half(image.opacity), half(image.depth))
                 self.renders.append(Render(self.names[index], step, *parts))
             if last and index in self.turn:
                 self.frames[index] = frame_of(image.colour)
-            yield image
+            yield index, image
 
     def write(self, out: Path, scene: str, method: str, seed: int) -> str | None:
         """Write the renders. Return the path relative to the records, None if nothing was saved. Raises `OSError`."""

@@ -166,7 +166,7 @@ class Trainer(BudgetedTrainer):
         self._graded: list[str] = []
         """The names of the weights that have a gradient."""
         parts = self.own if isinstance(self.own, Parts) else Parts()
-        self.settings = settings = replace(self.settings, **parts.schedule)
+        self.settings = settings = replace(self.settings, **parts.settings)
         self.error = LOSSES[parts.loss]
         method = method_named(self.method)
         self.background = torch.ones(3, device=self.device)

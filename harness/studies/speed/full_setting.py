@@ -44,8 +44,8 @@ class Work:
     """FLOP, like that of training."""
     cells: int
     groups: int
-    megasamples: float
-    """The megasamples of Mitsuba's path tracer, over all scenes."""
+    megasamples: tuple[float, float]
+    """The megasamples of Mitsuba's path tracer, over all scenes: minimum and maximum of what scenes need."""
     view_sets: tuple[float, float]
     """Bytes: minimum and maximum."""
     decoded: float
@@ -60,7 +60,9 @@ class Work:
 
 def paper_table(plan: Plan = PROFILES["full"]) -> Plan:
     """Return the paper's full table: its scenes, every combination of its three parts, five seeds."""
-    return replace(plan, methods=tuple(f"method {number}" for number in range(2**3)), seeds=tuple(range(5)))
+    return replace(
+        plan.without_extras(), methods=tuple(f"method {number}" for number in range(2**3)), seeds=tuple(range(5))
+    )
 
 
 def work_of(plan: Plan) -> Work:
@@ -73,21 +75,28 @@ def work_of(plan: Plan) -> Work:
     step = step_flops(train.network, train.rays * samples, train.rays)
     per_ray = step / train.rays / FORWARD_PASSES_PER_STEP
     pixels = views.resolution**2
-    scored = score.checkpoints * views.test + score.train_views
+    scored = views_scored(plan) + score.train_views
     cells, first_seed = len(plan.cells()), len(plan.scenes) * len(plan.methods)
     kept = first_seed * score.checkpoints + (cells - first_seed) + len(plan.scenes)
     all_views = len(plan.scenes) * (views.train + views.val + views.test)
-    spp = views.samples()[1]
+    low, high = (len(plan.scenes) * spp * pixels / 1e6 for spp in views.samples())
     return Work(
         training=plan.budget.steps * step,
         scoring=scored * pixels * per_ray,
         cells=cells,
         groups=len(plan.groups()),
-        megasamples=len(plan.scenes) * spp * pixels / 1e6,
+        megasamples=(low, high),
         view_sets=(all_views * pixels * VIEW_SET_BYTES_PER_PIXEL[0], all_views * pixels * VIEW_SET_BYTES_PER_PIXEL[1]),
         decoded=float((views.train + views.test) * pixels * DECODED_BYTES_PER_PIXEL),
         pictures=float(kept * score.stored_views * pixels * PICTURE_BYTES_PER_PIXEL),
     )
+
+
+def views_scored(plan: Plan) -> int:
+    """Return the number of test views that a cell renders at its checkpoints and at its end."""
+    middle = plan.score.middle_views
+    before = plan.views.test if middle is None else min(middle, plan.views.test)
+    return (plan.score.checkpoints - 1) * before + plan.views.test
 
 
 def wall_hours(work: Work, cell_hours: float, gpus: int) -> float:
@@ -124,7 +133,9 @@ def _values(speed: Studies) -> dict[str, float]:
 def page(speed: Studies) -> str:
     plan = paper_table()
     work, cores, rate = work_of(plan), speed.provenance["cores"], measured_rate(speed)
-    rendering = [seconds * work.megasamples / 3600 for seconds in render_seconds(speed)]
+    rendering = [
+        seconds * amount / 3600 for seconds, amount in zip(render_seconds(speed), work.megasamples, strict=True)
+    ]
     shares = "; ".join(f"{name} {100 * low:g} % to {100 * high:g} %" for name, (low, high) in ASSUMED_SHARES.items())
     blocks = [
         "# What the paper's full table costs",
@@ -143,8 +154,9 @@ def page(speed: Studies) -> str:
                 for name, value in (("training", work.training), ("scoring the test views", work.scoring))
             ],
         ),
-        f"Scoring is {work.scoring / work.training:.1f} times the training: {plan.score.checkpoints} checkpoints × "
-        f"{plan.views.test} views × {plan.views.resolution}² pixels × 256 network evaluations per ray.",
+        f"Scoring is {work.scoring / work.training:.1f} times the training: {plan.score.middle_views} views at each of "
+        f"{plan.score.checkpoints - 1} checkpoints and {plan.views.test} at the end, {plan.views.resolution}² pixels "
+        "each, with 256 network evaluations per ray. `--test-views`, `--curve-views` and `--checkpoints` change that.",
         f"## On the measured processor ({speed.provenance['processor']}, {cores} cores, float32)",
         f"Training steps of the paper's network reach {rate / 1e12:.3f} TFLOP/s there, "
         f"{value_of(speed, 'matrix.paper.share'):.0f} % of what its matrix multiplications reach alone: "
@@ -152,9 +164,8 @@ def page(speed: Studies) -> str:
         f"cell, {work.per_cell * work.cells / rate / 86400 / 365:.1f} years for the table. Do not.",
         "## On GPUs, assumed",
         f"Rates are those of the vendors' data sheets, dense. The shares that a step reaches are assumed: {shares}; "
-        "an H100 reached about the least of them (`docs/gpu/speed.json`). "
-        "The full profile multiplies in float32 without TF32. With `--precision bfloat16` memory sets the pace, as the "
-        "layers are only 256 wide.",
+        "an H100 reached about the least of them before steps were taken in turns (`docs/gpu/speed.json`). The profile "
+        "multiplies in bfloat16, where memory sets the pace, as the layers are only 256 wide.",
         _table(
             ("GPU", "precision", "TFLOP/s", "hours per cell", "hours on 1 GPU", "on 8", f"on {work.groups} or more"),
             [_gpu_row(work, gpu, precision) for gpu in GPUS for precision in ASSUMED_SHARES],
@@ -163,8 +174,10 @@ def page(speed: Studies) -> str:
         "turn on one device, so that equal-time comparisons do not compare two GPUs. More seeds fill more GPUs. A GPU "
         "that is shared with anything else makes its clocks worthless.",
         "## Ground truth",
-        f"Mitsuba renders the view sets on the driver's processor before anything trains: {work.megasamples:,.0f} "
-        f"million samples, {rendering[0]:.0f} to {rendering[1]:.0f} hours on the {cores} measured cores (extrapolated "
+        f"Mitsuba renders the view sets on the driver's processor before anything trains: {work.megasamples[0]:,.0f} "
+        f"to {work.megasamples[1]:,.0f} million samples, as few as its noise allows (a ceiling of "
+        f"{plan.views.ceiling_train_db:g} dB for training views and {plan.views.ceiling_test_db:g} dB for test views), "
+        f"{rendering[0]:.0f} to {rendering[1]:.0f} hours on the {cores} measured cores (extrapolated "
         "from views of 100 px). GPUs wait meanwhile: render first, on a machine without any (`python -m scenes "
         "render`), and hand the cache over with `--view-sets`.",
         "## Disk",

@@ -57,9 +57,10 @@ def render_view(trainer: Learner, cameras: Cameras, view: int, chunk: int) -> Vi
     return View(*(part[back].cpu().numpy().reshape(*size, *part.shape[1:]) for part in parts))
 
 
-def render_split(trainer: Learner, cameras: Cameras, chunk: int) -> Iterator[View]:
-    """Render one view at a time, so that only one need be in memory."""
-    return (render_view(trainer, cameras, index, chunk) for index in range(len(cameras)))
+def render_split(trainer: Learner, cameras: Cameras, chunk: int, chosen: Iterable[int] | None = None) -> Iterator[View]:
+    """Render one view at a time, so that only one need be in memory; all views, or the chosen ones."""
+    indices = range(len(cameras)) if chosen is None else chosen
+    return (render_view(trainer, cameras, index, chunk) for index in indices)
 
 
 def quick_scores(images: Iterable[View], split: Split) -> dict[str, float | None]:

@@ -30,9 +30,12 @@ def test_the_work_of_a_cell_equals_a_count_by_hand() -> None:
     per_ray = 2 * 2 * 27 * 128
     step = 1024 * (64 + 192) * per_point + 1024 * per_ray
     assert work.training == pytest.approx(200_000 * step, rel=1e-12)
-    assert work.scoring == pytest.approx((12 * 200 + 4) * 800**2 * step / 1024 / 3, rel=1e-12)
+    assert work.scoring == pytest.approx((11 * 8 + 200 + 4) * 800**2 * step / 1024 / 3, rel=1e-12)
     assert (work.cells, work.groups) == (320, 40)
-    assert work.megasamples == 8 * 400 * 256 * 0.64
+    # 12 dB for ten times the samples, and 95 to 400 of them for 45 dB
+    for megasamples, needed in zip(work.megasamples, (95, 400), strict=True):
+        train, test = (min(256, needed * 10 ** ((db - 45) / 12)) for db in (36, 40))
+        assert megasamples == pytest.approx(8 * 200 * (train + test) * 0.64)
     assert work.decoded == 300 * 800 * 800 * 4 * 4
 
 
