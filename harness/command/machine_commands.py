@@ -3,14 +3,31 @@
 import argparse
 import json
 from dataclasses import asdict
+from pathlib import Path
 
-from harness.command.options import Command, Options, flag
+from harness.command.options import Command, Options, flag, option, require_between, shared
 from harness.execution.progress import Progress
+from scenes.files.errors import InputError
 
-DOCTOR: Options = {"--json": flag("print one JSON list instead of lines")}
+DOCTOR: Options = {
+    "--json": flag("print one JSON list instead of lines"),
+    "--device": option(
+        "try this device: its steps against the processor's, its rates, and cells of the paper's setting (10 min)",
+        choices=("cpu", "cuda"),
+        default=None,
+    ),
+    "--minutes": option("with --device: training time of the cells; 0: no cells", "M", float, default=10.0),
+    "--view-set": option("with --device: posed images to train on (default: lego is rendered)", "DIR", Path),
+    "--out": option("with --device: JSON file to write (default: device.json)", "FILE", Path, default=None),
+    **shared("--view-sets", "--quick"),
+}
 
 
 def run_doctor(options: argparse.Namespace, show: Progress) -> int:
+    if options.device is not None:
+        return try_device(options, show)
+    if given := [f"--{name}" for name in ("out", "view_set") if getattr(options, name) is not None]:
+        raise InputError(f"{given[0].replace('_', '-')}: only with --device")
     from harness.machine.doctor import findings
 
     known = []
@@ -26,6 +43,34 @@ def run_doctor(options: argparse.Namespace, show: Progress) -> int:
     else:
         show.line(f"missing, and needed: {', '.join(lacking)}" if lacking else "nothing that is needed is missing")
     return 2 if lacking else 0
+
+
+def try_device(options: argparse.Namespace, show: Progress) -> int:
+    """Write the report of a device, section by section; exit code 3 if it does not do what the processor does."""
+    import tempfile
+
+    from harness.machine.device import chosen_device
+    from harness.records.json_record import write_json
+    from harness.studies.devices.device_report import DeviceContext, faults, sections
+    from scenes.files.json_object import JsonObject
+
+    require_between(options, minutes=(0.0, 600.0))
+    device, out = chosen_device(options.device), options.out or Path("device.json")
+    if out.exists() and not options.out:
+        raise InputError(f"{out}: exists; name another --out")
+    found: JsonObject = {}
+    with tempfile.TemporaryDirectory(prefix="device-") as scratch:
+        context = DeviceContext(
+            device, options.minutes, options.view_set, options.view_sets, Path(scratch), options.quick, show
+        )
+        for name, content in sections(context):
+            found[name] = content
+            write_json(out, found)
+            show.line(f"{name}: written to {out}")
+    sentences = faults(found)
+    for sentence in sentences:
+        show.line(f"not as on the processor: {sentence}")
+    return 3 if sentences else 0
 
 
 COMMANDS = {

@@ -173,7 +173,7 @@ OTHERS = {"base2": "phi", "phi": "base2", "half": "phi", "none": "equation4", "b
 def changed(name: str, value: Any) -> Any:
     if name == "start" and value is None:
         return 1.0
-    if name == "decay":
+    if name in ("decay", "precision"):
         return "linear"
     match value:
         case bool():
