@@ -43,6 +43,8 @@ python -m harness run --profile smoke --view-set {here}/blender {tiny} {region} 
 python -m reports {here}/run {here}/foreign --page {here}/outputs.html
 python -m reports {here}/foreign --publish {here}/published
 python -m harness run --profile smoke --view-set {here}/nerfstudio {here}/tiny.npz --dry-run
+python -m harness run --profile smoke --view-set {here}/blender {tiny} {scored} --out {here}/scored
+python -m harness doctor --device cpu --minutes 0.01 --quick --out {here}/device.json
 python -m scenes render --scene-file docs/examples/my_scene.py --resolution 16 --train 2 --test 1 {sets}
 python -m harness run --profile smoke --scene-file docs/examples/my_scene.xml {tiny} {claim} --out {here}/own {sets}
 python -m harness run --profile smoke --scenes lego --methods splats --seeds 1 {few} --out {here}/splats {sets}
@@ -85,6 +87,7 @@ FILLED = {
     "{job}": "--job timeout_min=9 --workers 1 --threads 1 --device cpu",
     "{one}": "--studies error_against_time needs --scenes lego",
     "{score}": "--seconds 9 --as-they-are",
+    "{scored}": "--checkpoints 2 --curve-views 1 --test-views 1",
     "{region}": "--bounds -2 -2 -2 2 2 2 --near 2 --far 7 --optimiser adam",
     "{ceilings}": "--val 1 --ceiling-train 20 --ceiling-val 20 --ceiling-test 20",
 }

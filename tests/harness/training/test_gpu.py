@@ -10,10 +10,13 @@ from baselines.catalog import CATALOG
 from baselines.contract import Box, Rays
 from baselines.numerics.optimisers import OptimiserName
 from harness.plan.profiles import TUNED
+from harness.plan.schedule import Budget
 from harness.plan.settings import TrainSettings
+from harness.training.batches import Batch
 from harness.training.checkpoints import load_checkpoint, save_checkpoint
-from harness.training.learner import Job
-from harness.training.trainer import Trainer
+from harness.training.learner import Job, take_turn
+from harness.training.trainer import Diverged, Trainer
+from harness.training.turns import Turns, in_turns
 from tests.harness.tiny import BUDGET, CPU, TRAIN, rays_and_colours
 
 pytestmark = pytest.mark.skipif(not torch.cuda.is_available(), reason="no GPU")
@@ -74,3 +77,45 @@ def test_a_cell_on_a_gpu_resumes(tmp_path: Path) -> None:
         resumed.train_on(*batch(step, resumed.device))
     rays, _ = batch(77, whole.device)
     torch.testing.assert_close(resumed.render(rays, 16).colour, whole.render(rays, 16).colour, atol=1e-2, rtol=0.0)
+
+
+# turns: a step compiled and captured as one graph
+
+
+TURNING = replace(TRAIN, fine_bins=8, grid=replace(TRAIN.grid, cells=0))
+
+
+def in_a_graph(method: str, settings: TrainSettings, steps: int, spoilt: int | None = None) -> Trainer:
+    device = torch.device("cuda")
+    box = Box(-torch.ones(3, device=device), torch.ones(3, device=device))
+    learner = in_turns(Trainer(Job(method, box, settings, Budget(steps, None), 0, device)))
+
+    def batch_at(step: int) -> Batch:
+        rays, colours = batch(step, device)
+        return Batch(rays, colours / 0.0 if step == spoilt else colours)
+
+    while learner.step < steps:
+        take_turn(learner, batch_at)
+    assert isinstance(learner, Trainer)
+    return learner
+
+
+@pytest.mark.parametrize("method", ["nerf", "nerf_matched", "qnerf", "qnerf_repaired"])
+@pytest.mark.parametrize("cells", [0, 8])
+def test_a_graph_takes_the_processors_steps(method: str, cells: int) -> None:
+    settings = replace(TURNING, grid=replace(TRAIN.grid, cells=cells))
+    learner = in_a_graph(method, settings, 12)
+    assert isinstance(learner.turns, Turns)
+    assert learner.turns.form == "compiled, captured"
+    single = trained(method, "cpu", settings, 12)
+    assert learner.trace["loss"] == pytest.approx(single.trace["loss"], rel=1e-2)
+
+
+def test_equal_runs_have_equal_bits_in_a_graph() -> None:
+    first, second = (in_a_graph("qnerf", TURNING, 150).fields.state_dict() for _ in range(2))
+    assert all(torch.equal(first[name], second[name]) for name in first)
+
+
+def test_a_step_in_the_middle_of_a_graphs_turn_is_named() -> None:
+    with pytest.raises(Diverged, match="step 57: loss"):
+        in_a_graph("nerf", TURNING, 150, spoilt=57)
