@@ -90,7 +90,14 @@ def test_the_compiler_takes_the_complete_loss_and_changes_nothing() -> None:
     """`aot_eager` traces as the compiler of a GPU does, without a break, and runs what was traced. In another process:
     here all functions check the shapes of their arguments, which no compiler can trace.
     """
-    code = "from tests.harness.training import test_turns as t; t.compiled_steps_are_the_same()"
+    in_another_process("from tests.harness.training import test_turns as t; t.compiled_steps_are_the_same()")
+
+
+def test_on_a_gpu_of_tensors_without_values_a_step_reads_nothing_and_nothing_crosses() -> None:
+    in_another_process("from tests.harness.training import fake_gpu; fake_gpu.nothing_crosses()")
+
+
+def in_another_process(code: str) -> None:
     ended = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
     assert ended.returncode == 0, ended.stderr[-2000:]
 
