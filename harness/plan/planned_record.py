@@ -138,7 +138,7 @@ def _of_training(plan: Plan, parts: Mapping[str, Parts]) -> Iterator[str]:
         )
     if train.precision != "float32":
         yield (
-            f"Matrix products run in {train.precision} on float32 weights; encoding, amplifier and quadrature in "
+            f"Matrix multiplications run in {train.precision} on float32 weights; encoding, amplifier and quadrature in "
             "float32."
         )
 

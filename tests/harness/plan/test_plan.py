@@ -11,12 +11,12 @@ from typing import Any
 import pytest
 
 from baselines.catalog import CATALOG as METHODS
-from baselines.methods.chosen import DensityConstants
+from baselines.methods.chosen import DensityConstants, chosen
 from baselines.methods.repaired import CANDIDATES
 from harness.command.plan_options import planned
 from harness.plan import run_plan
 from harness.plan.names import scene_name_of
-from harness.plan.planned_record import deviations, not_tested
+from harness.plan.planned_record import SEARCHED_AT, deviations, not_tested
 from harness.plan.profiles import PROFILES
 from harness.plan.run_plan import Machine, Plan
 from harness.training.learner import Job
@@ -128,6 +128,25 @@ def test_the_control_is_named_only_where_it_takes_part() -> None:
     ):
         (sentence,) = (one for one in not_tested(replace(PROFILES["reduced"], methods=methods)) if "bandwidth" in one)
         assert sentence.endswith(words)
+
+
+def test_the_full_setting_states_what_the_paper_leaves_open() -> None:
+    """π, images per batch, unit and start with the scale of their search, precision and the views of curves."""
+    plan = PROFILES["full"]
+    for words in (
+        "Positions are normalised by the scene's box (longest half-extent 1) and multiplied by π",
+        "Each ray of a batch goes through a random pixel of a random image",
+        "Matrix multiplications run in bfloat16",
+        "Curves, and scores at equal time, are means over 8 evenly spread test views",
+    ):
+        assert beginning(plan, words), words
+    (sentence,) = beginning(plan, "Unit of density")
+    assert SEARCHED_AT["full" if chosen("full") else "reduced"] in sentence
+    assert not beginning(PROFILES["reduced"], "Curves")
+    assert [extra.methods for extra in plan.extras] == [("nerf_float32", "qnerf_float32")]
+    skipping = PROFILES["full_skipping"]
+    assert (skipping.budget, skipping.score, skipping.views) == (plan.budget, plan.score, plan.views)
+    assert replace(skipping.train, grid=plan.train.grid) == plan.train
 
 
 def test_rays_through_covered_pixels_are_a_deviation_that_is_said() -> None:

@@ -52,6 +52,18 @@ def trained(ball: ViewSet, tmp_path_factory: pytest.TempPathFactory) -> Trained:
     return out, group(ball, out, progress=shares.append), shares
 
 
+def test_curves_are_means_over_a_few_views_and_scores_over_all(ball: ViewSet, tmp_path: Path, trained: Trained) -> None:
+    """The last point of a curve is of the same views as the others, so that no step comes from other views."""
+    cell = group(ball, tmp_path, ("nerf",), score=replace(SCORE, middle_views=2))["nerf"]
+    everything = trained[1]["nerf"]
+    assert cell.scores["psnr"] == everything.scores["psnr"]
+    assert [view.view for view in cell.views] == [view.view for view in everything.views]
+    chosen = [view.psnr for view in cell.views if view.view in ("test/r_0", "test/r_1")]
+    assert cell.curve[-1].psnr == pytest.approx(sum(map(float, chosen)) / 2)
+    assert cell.curve[-1].psnr != everything.curve[-1].psnr
+    assert [point.step for point in cell.curve] == [point.step for point in everything.curve]
+
+
 def test_records_are_complete(trained: Trained) -> None:
     out, cells, shares = trained
     assert shares == sorted(shares), "progress"
