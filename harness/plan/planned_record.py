@@ -138,8 +138,8 @@ def _of_training(plan: Plan, parts: Mapping[str, Parts]) -> Iterator[str]:
         )
     if train.precision != "float32":
         yield (
-            f"Matrix multiplications run in {train.precision} on float32 weights; encoding, amplifier and quadrature in "
-            "float32."
+            f"Matrix multiplications run in {train.precision} on float32 weights; encoding, amplifier and quadrature "
+            "run in float32."
         )
 
 

@@ -118,30 +118,33 @@ class Turns:
         trainer = self.trainer
         with trainer.clock.running():
             trainer.refresh_grid()
+        while not self._taken(batch_at, share):
+            self.redone += 1
+
+    def _taken(self, batch_at: Callable[[int], Batch], share: float) -> bool:
+        """Take the turn; return False, with the state before it and more room, if points did not fit."""
+        trainer = self.trainer
         batch = batch_at(trainer.step)
         self._prepare(batch)
-        count, rays = self._length(share), len(batch.rays)
-        rates = [trainer.learning_rate(trainer.step + number) for number in range(count)]
+        rates = [trainer.learning_rate(trainer.step + number) for number in range(self._length(share))]
         with trainer.clock.running():
             before = self._state()
             rows = self._enqueue(batch_at, rates)
             needed = max(row[ROW.index("needed")] for row in rows)
-            if needed > self.capacity or not all(map(_is_valid, rows)):
+            fits, valid = not needed > self.capacity, all(map(_is_valid, rows))
+            if not (fits and valid):
                 self._restore(before)
-                rows = []
-        if rows:
-            for row, rate in zip(rows, rates, strict=True):
-                trainer.end_step(row, rate, rays)
-        elif needed > self.capacity:
-            self.redone += 1
+        if not fits:
             self._resize(needed)
-            self.take(batch_at, share)
-            return
-        else:
+        elif not valid:
             self.redone += 1
             self._look(batch_at, rates)
-        if rows and trainer.grid is not None and ROOM * needed < SHRINK * self.capacity:
-            self._resize(needed)
+        else:
+            for row, rate in zip(rows, rates, strict=True):
+                trainer.end_step(row, rate, len(batch.rays))
+            if trainer.grid is not None and ROOM * needed < SHRINK * self.capacity:
+                self._resize(needed)
+        return fits
 
     def _length(self, share: float) -> int:
         """Return the number of steps of the next turn."""

@@ -215,16 +215,24 @@ def test_skipped_space_is_packed_and_changes_no_picture(method: str) -> None:
     assert learner.trace["loss"] == pytest.approx(single.trace["loss"], rel=2e-3)
 
 
-def test_points_that_do_not_fit_are_counted_and_the_turn_is_taken_again() -> None:
-    """With ten times too little room the result has the bits of a run that had enough."""
+@pytest.mark.parametrize("step", [0, 15])
+def test_points_that_do_not_fit_are_counted_and_the_turn_is_taken_again(step: int) -> None:
+    """With ten times too little room the result is that of a run that had enough; also at a refresh of the grid, which
+    is not made again.
+    """
     enough, learner = (emptied(turning("qnerf", TRAIN), 0.7) for _ in range(2))
     turns = turns_of(learner)
     turns._prepare(batch_at(0))
-    turns._resize(0.04)
-    ended(learner)
+    while learner.progress < 1.0:
+        if learner.step == step:
+            turns._resize(0.04)
+        take_turn(learner, batch_at)
     ended(enough)
     assert turns.redone > turns_of(enough).redone == 0
     assert turns.properties()["turns_redone"] == turns.redone
+    assert learner.grid is not None
+    assert enough.grid is not None
+    torch.testing.assert_close(learner.grid.density, enough.grid.density, atol=1e-4, rtol=1e-3)
     for name, value in weights(learner).items():
         torch.testing.assert_close(value, weights(enough)[name], atol=1e-5, rtol=1e-4)
 
