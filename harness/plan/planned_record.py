@@ -108,10 +108,12 @@ def _of_training(plan: Plan, parts: Mapping[str, Parts]) -> Iterator[str]:
             f"{method} {of.density_scale:g} and {'as printed' if of.start is None else f'{of.start:g}'}"
             for method, of in parts.items()
         )
-        scale = plan.profile if chosen(plan.profile) else "reduced"
+        elsewhere = [method for method in parts if method not in chosen(plan.profile)]
+        here = SEARCHED_AT[plan.profile if len(elsewhere) < len(parts) else "reduced"]
+        others = f", those of {', '.join(elsewhere)} at that of {SEARCHED_AT['reduced']}"
         yield (
             f"Unit of density and density of a fresh field, per half of the box: {'; '.join(each)}. They were chosen "
-            f"on validation views at the scale of {SEARCHED_AT[scale]}."
+            f"on validation views at the scale of {here}{others if 0 < len(elsewhere) < len(parts) else ''}."
         )
     if (train.learning_rate, train.rays) != (paper.learning_rate, paper.rays):
         yield (

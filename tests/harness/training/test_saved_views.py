@@ -30,8 +30,8 @@ def kept(ball: ViewSet, out: Path, seed: int, *steps: int) -> str | None:
             evaluate.View(np.full((2, 3, 3), k / 4), np.full((2, 3), k / 4), np.full((2, 3), float(k)))
             for k in range(3)
         ]
-        passed = keeping.passing(images, step, last=step == 24)
-        assert [view.depth[0, 0] for view in passed] == [0, 1, 2]
+        passed = keeping.passing(enumerate(images), step, last=step == 24)
+        assert [view.depth[0, 0] for _, view in passed] == [0, 1, 2]
     return keeping.write(out, "ball", "nerf", seed)
 
 
