@@ -154,7 +154,7 @@ def _changes() -> dict[str, Change]:
         "resolution": lambda plan, pixels: views(plan, resolution=pixels),
         "checkpoints": lambda plan, count: replace(plan, score=replace(plan.score, checkpoints=count)),
         "test_views": lambda plan, count: views(plan, test=count),
-        "curve_views": lambda plan, count: replace(plan, score=replace(plan.score, middle_views=count)),
+        "curve_views": lambda plan, count: replace(plan, score=replace(plan.score, curve_views=count)),
         "precision": lambda plan, name: train(plan, precision=name),
         "optimiser": lambda plan, name: plan if name == plan.train.optimiser.name else train(plan, **TUNED[name]),
         "without": without,

@@ -94,7 +94,7 @@ FULL = Plan(
     seeds=(0, 1, 2),
     budget=Budget(steps=200_000, seconds=None),
     train=TrainSettings(grid=GridSettings(cells=0), precision="bfloat16"),
-    score=ScoreSettings(checkpoints=12, earliest=0.005, middle_views=8),
+    score=ScoreSettings(checkpoints=12, earliest=0.005, curve_views=8),
     views=ViewSettings(ceiling_train_db=36.0, ceiling_test_db=40.0),
     extras=(Extra(EXPLAINED, ("nerf_float32", "qnerf_float32"), (0,)),),
 )

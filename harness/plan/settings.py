@@ -74,7 +74,7 @@ class ScoreSettings:
     checkpoints: int = 8
     earliest: float = 0.02
     """The share of the budget at the first checkpoint."""
-    middle_views: int | None = None
+    curve_views: int | None = None
     """The number of test views, evenly spread, of which the curves are means; None: all. Scores are of all views."""
     chunk: int = 4096
     """The number of rays rendered at a time; part of the result if a method's density depends on the chunk."""

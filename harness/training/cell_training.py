@@ -147,9 +147,9 @@ class CellTraining:
         self.test = evaluate.cameras_of(views, views.test, self.trainer.device)
         self.due = checkpoint_fractions(score.checkpoints, score.earliest)
         self.curve: list[Checkpoint] = []
-        middle = len(views.test.names) if score.middle_views is None else score.middle_views
+        count = len(views.test.names) if score.curve_views is None else score.curve_views
         poses = views.test.camera_to_world
-        self.middle: list[int] = evenly_spread(min(middle, len(poses)), poses).tolist()
+        self.on_curve: list[int] = evenly_spread(min(count, len(poses)), poses).tolist()
         """The test views of which the curve is the mean."""
         self.kept = KeptRenders.of(views.test, score.stored_views, self.task.seed, score.checkpoints)
         self.occupied = read_occupancy(views)
@@ -272,7 +272,7 @@ class CellTraining:
     def _scored(self) -> CellRecord | None:
         """Score a checkpoint. Return the record if it is the last."""
         drawing, test = Stopwatch(self.trainer.device), self.views.test
-        shown = self.middle if self.due else list(range(len(test.names)))
+        shown = self.on_curve if self.due else list(range(len(test.names)))
         rendered = drawing.counting(evaluate.render_split(self.trainer, self.test, self.task.score.chunk, shown))
         images = self.kept.passing(zip(shown, rendered, strict=True), self.trainer.step, last=not self.due)
         rows: list[ViewScore] = []
@@ -285,7 +285,7 @@ class CellTraining:
                 angles.append(evaluate.normal_error(self.trainer, image, self.test, test, index))
         scores = evaluate.mean_scores(rows)
         if self.trainer.step:  # Gaussians that are given have no curve
-            of_curve = [row for index, row in zip(shown, rows, strict=True) if index in self.middle]
+            of_curve = [row for index, row in zip(shown, rows, strict=True) if index in self.on_curve]
             self.curve.append(self._checkpoint(evaluate.mean_scores(of_curve)))
         if self.due:
             return None

@@ -239,7 +239,7 @@ def cells(context: DeviceContext) -> JsonObject:
 def _cell_plan(context: DeviceContext) -> Plan:
     plan = replace(PROFILES["full"].without_extras(), scenes=(SCENE,), methods=CELLS, seeds=(0,))
     plan = replace(plan, train=replace(plan.train, own=plan.own_settings(CELLS)))
-    score = ScoreSettings(checkpoints=6, earliest=0.02, middle_views=3, train_views=2, stored_views=0)
+    score = ScoreSettings(checkpoints=6, earliest=0.02, curve_views=3, train_views=2, stored_views=0)
     views = replace(plan.views, train=40, val=0, test=8, spp_train=64, spp_test=64, ceiling_train_db=34.0)
     plan = replace(plan, score=score, views=views)
     if not context.quick:

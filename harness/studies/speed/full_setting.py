@@ -94,7 +94,7 @@ def work_of(plan: Plan) -> Work:
 
 def views_scored(plan: Plan) -> int:
     """Return the number of test views that a cell renders at its checkpoints and at its end."""
-    middle = plan.score.middle_views
+    middle = plan.score.curve_views
     before = plan.views.test if middle is None else min(middle, plan.views.test)
     return (plan.score.checkpoints - 1) * before + plan.views.test
 
@@ -154,7 +154,7 @@ def page(speed: Studies) -> str:
                 for name, value in (("training", work.training), ("scoring the test views", work.scoring))
             ],
         ),
-        f"Scoring is {work.scoring / work.training:.1f} times the training: {plan.score.middle_views} views at each of "
+        f"Scoring is {work.scoring / work.training:.1f} times the training: {plan.score.curve_views} views at each of "
         f"{plan.score.checkpoints - 1} checkpoints and {plan.views.test} at the end, {plan.views.resolution}² pixels "
         "each, with 256 network evaluations per ray. `--test-views`, `--curve-views` and `--checkpoints` change that.",
         f"## On the measured processor ({speed.provenance['processor']}, {cores} cores, float32)",

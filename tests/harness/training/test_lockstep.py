@@ -54,7 +54,7 @@ def trained(ball: ViewSet, tmp_path_factory: pytest.TempPathFactory) -> Trained:
 
 def test_curves_are_means_over_a_few_views_and_scores_over_all(ball: ViewSet, tmp_path: Path, trained: Trained) -> None:
     """The last point of a curve is of the same views as the others, so that no step comes from other views."""
-    cell = group(ball, tmp_path, ("nerf",), score=replace(SCORE, middle_views=2))["nerf"]
+    cell = group(ball, tmp_path, ("nerf",), score=replace(SCORE, curve_views=2))["nerf"]
     everything = trained[1]["nerf"]
     assert cell.scores["psnr"] == everything.scores["psnr"]
     assert [view.view for view in cell.views] == [view.view for view in everything.views]
