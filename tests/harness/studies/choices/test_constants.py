@@ -143,8 +143,12 @@ def test_the_constants_are_those_of_the_published_search() -> None:
     assert seed not in {seed for plan in PROFILES.values() for seed in plan.seeds}
 
 
-def test_the_late_constants_are_those_of_the_late_search() -> None:
-    rows = read_rows(Path("docs/constants_late.json"))
+@pytest.mark.parametrize(
+    ("profile", "file", "before"),
+    [("converged", "constants_late", "constants"), ("full", "constants_400", "constants_late")],
+)
+def test_constants_of_later_profiles_are_those_of_their_search(profile: str, file: str, before: str) -> None:
+    rows = read_rows(Path(f"docs/{file}.json"))
     methods = list(dict.fromkeys(row.method for row in rows))
-    carried = constants.best_of(read_rows(Path("docs/constants.json")), methods, 3)
-    assert constants.chosen(rows, PROFILES["converged"].budget.steps or 0, carried) == chosen("converged")
+    carried = constants.best_of(read_rows(Path(f"docs/{before}.json")), methods, 3)
+    assert constants.chosen(rows, max(row.steps for row in rows), carried) == chosen(profile)
