@@ -42,7 +42,7 @@ def render_rays(
     draws: Draws | None,
 ) -> Rendering:
     """Render `rays`. Points are random inside their bins with `draws` (training), else midpoints. The samples of
-    the result are those of the rays that meet the box.
+    the result are those of the rays that meet the box, with fixed shapes those of all rays.
 
     The result does not depend on which rays share the chunk, unless a field's density does (Listing 2, Eq. 4).
     Raises `BadInterval` unless near <= far, both finite, and `BadDensity` naming ray and sample where the field returns

@@ -93,7 +93,9 @@ class TorchOptimisers:
 
 def _adam(weights: list[nn.Parameter], settings: OptimiserSettings) -> Optimiser:
     on_a_gpu = any(weight.is_cuda for weight in weights)  # there a graph may contain the step
-    return TorchOptimisers(torch.optim.Adam(weights, betas=settings.betas, fused=True, capturable=on_a_gpu))
+    adam = torch.optim.Adam(weights, betas=settings.betas, fused=True, capturable=on_a_gpu)
+    adam._warned_capturable_if_run_uncaptured = True  # single steps are no mistake
+    return TorchOptimisers(adam)
 
 
 def _is_table(weight: nn.Parameter) -> bool:

@@ -16,7 +16,7 @@ DOCTOR: Options = {
         choices=("cpu", "cuda"),
         default=None,
     ),
-    "--minutes": option("with --device: training time of the cells; 0: no cells", "M", float, default=10.0),
+    "--minutes": option("with --device: minutes of training of the cells (default: 10); 0: none", "M", float),
     "--view-set": option("with --device: posed images to train on (default: lego is rendered)", "DIR", Path),
     "--out": option("with --device: JSON file to write (default: device.json)", "FILE", Path, default=None),
     **shared("--view-sets", "--quick"),
@@ -26,7 +26,7 @@ DOCTOR: Options = {
 def run_doctor(options: argparse.Namespace, show: Progress) -> int:
     if options.device is not None:
         return try_device(options, show)
-    if given := [f"--{name}" for name in ("out", "view_set") if getattr(options, name) is not None]:
+    if given := [f"--{name}" for name in ("out", "view_set", "minutes") if getattr(options, name) is not None]:
         raise InputError(f"{given[0].replace('_', '-')}: only with --device")
     from harness.machine.doctor import findings
 
@@ -54,6 +54,7 @@ def try_device(options: argparse.Namespace, show: Progress) -> int:
     from harness.studies.devices.device_report import DeviceContext, faults, sections
     from scenes.files.json_object import JsonObject
 
+    options.minutes = 10.0 if options.minutes is None else options.minutes
     require_between(options, minutes=(0.0, 600.0))
     device, out = chosen_device(options.device), options.out or Path("device.json")
     if out.exists() and not options.out:

@@ -176,7 +176,7 @@ def training_seconds(plan: Plan, pace: Pace) -> float:
     # with several threads a core second takes less than a second
     limit = min(plan.budget.seconds or math.inf, plan.budget.core_seconds or math.inf)
     if not plan.budget.steps:
-        return limit
+        return limit + pace.capture
     first = min(plan.train.grid.first_step, plan.budget.steps) if plan.train.grid.cells else 0
     return min(first * pace.first_step + (plan.budget.steps - first) * pace.step, limit) + pace.capture
 
@@ -258,20 +258,24 @@ def _pace(learner: Learner, plan: Plan, clock: Callable[[], float]) -> Pace:
     rays, chunk = plan.train.rays, plan.score.chunk
     if learner.whole_views:
         rays = chunk = plan.views.resolution**2
-    chunks = seconds_of(lambda count: learner.render(batch(count)[0], count), chunk, learner.device, clock)
+
+    def per_ray() -> float:
+        return seconds_of(lambda count: learner.render(batch(count)[0], count), chunk, learner.device, clock) / chunk
+
     if turns_of(learner) is not None:
-        return _pace_in_turns(learner, lambda step: Batch(*batch(rays)), chunks / chunk)
+        pace = _pace_in_turns(learner, lambda step: Batch(*batch(rays)))
+        return replace(pace, ray=per_ray())
     first = later = seconds_of(step, rays, learner.device, clock)
     if isinstance(learner, Trainer) and plan.train.grid.cells:
         if learner.grid is not None:
             kept = torch.rand(learner.grid.occupied.shape, generator=generator_for("cost")) < OCCUPIED
             learner.grid.occupied = kept.to(learner.device)
         later = seconds_of(settled_step, rays, learner.device, clock)
-    return Pace(first, later, chunks / chunk)
+    return Pace(first, later, per_ray())
 
 
-def _pace_in_turns(learner: Learner, batch_at: Callable[[int], Batch], ray: float) -> Pace:
-    """Return the pace of turns: before empty space is skipped, and later, when their capacity has followed."""
+def _pace_in_turns(learner: Learner, batch_at: Callable[[int], Batch]) -> Pace:
+    """Return the pace of turns before empty space is skipped, and later, when their capacity has followed."""
     assert isinstance(learner, Trainer)
     first_step = turns.LONGEST
     learner.budget = Budget(10 * first_step, None)
@@ -288,7 +292,7 @@ def _pace_in_turns(learner: Learner, batch_at: Callable[[int], Batch], ray: floa
             learner.grid.occupied.copy_(kept)
             learner.grid.density.copy_(kept)
             learner.step = first_step + 2
-    return Pace(paces[0], paces[2], ray, max(sum(captures), 0.0))
+    return Pace(paces[0], paces[2], 0.0, max(sum(captures), 0.0))
 
 
 def seconds_of(work: Callable[[int], object], rays: int, device: torch.device, clock: Callable[[], float]) -> float:

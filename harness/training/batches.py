@@ -145,9 +145,11 @@ class Batches:
 
     def hold(self) -> None:
         """Copy the colours of all pixels to the device, view by view."""
-        device = self.cameras.camera_to_world.device
-        views = (torch.from_numpy(over_white(self.rgba[view])).reshape(-1, 3) for view in range(len(self.cameras)))
-        self._resident = torch.cat([colours.to(device) for colours in views])
+        views, *size = self.rgba.shape[:3]
+        everything = torch.empty((views, math.prod(size), 3), device=self.cameras.camera_to_world.device)
+        for view in range(views):
+            everything[view] = torch.from_numpy(over_white(self.rgba[view])).reshape(-1, 3)
+        self._resident = everything.reshape(-1, 3)
 
     def batch(self, seed: int | str, step: int, count: int) -> Batch:
         """Return `count` rays and their colours over white, which depend only on the arguments. Do not change them:
@@ -165,7 +167,7 @@ class Batches:
         self, whole_views: bool, seed: int | str, count: int, in_turns: bool = False
     ) -> Callable[[int], Batch]:
         """Return step → batch: `count` rays, or with `whole_views` all pixels of a random training view, row by row. A
-        learner that trains in turns makes its batches on its own clock, and waits for none.
+        learner in turns makes its batches on its own clock; it waits for none if the device holds the images.
         """
         if whole_views:
             return lambda step: self._timed(lambda: self._view(seed, step))

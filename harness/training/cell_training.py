@@ -23,7 +23,7 @@ from harness.records.pictures import RENDER, Render
 from harness.records.snapshot import Unfinished, read_unfinished, unfinished_path, write_unfinished
 from harness.training.batches import Batch
 from harness.training.checkpoints import checkpoint_path, restore_training, save_checkpoint, training_state
-from harness.training.learner import Learner, take_turn, turn_properties, warm_up
+from harness.training.learner import Learner, take_turn, turn_properties, turns_of, warm_up
 from harness.training.saved_renders import KeptRenders
 from harness.training.scoring import evaluate
 from harness.training.scoring.amplifier_effect import amplifier_effect
@@ -350,6 +350,8 @@ class CellTraining:
     ) -> CellRecord:
         trainer, task = self.trainer, self.task
         self.ended = True
+        if (turns := turns_of(trainer)) is not None:
+            turns.release()
         return CellRecord(
             scene=task.scene,
             method=trainer.method,

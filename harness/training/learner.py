@@ -89,6 +89,8 @@ class TakesTurns(Protocol):
 
     def take(self, batch_at: "Callable[[int], Batch]", share: float) -> None: ...
     def properties(self) -> dict[str, float | str | None]: ...
+    def release(self) -> None:
+        """Free the memory that turns need."""
 
 
 @runtime_checkable

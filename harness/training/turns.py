@@ -7,6 +7,7 @@ turn is restored and the turn is taken again step by step with the host looking,
 points did not fit into the capacity, it is taken again with more room. So neither changes a result silently.
 """
 
+import gc
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -100,7 +101,7 @@ class Turns:
         self.form = "eager"
         self._key: object = None
         self._memory: Memory | None = None
-        self._replay: Run = lambda: None
+        self._replay: Run = _nothing
 
     def properties(self) -> dict[str, float | str | None]:
         """Return facts of the run for the record."""
@@ -124,12 +125,13 @@ class Turns:
     def _taken(self, batch_at: Callable[[int], Batch], share: float) -> bool:
         """Take the turn; return False, with the state before it and more room, if points did not fit."""
         trainer = self.trainer
-        batch = batch_at(trainer.step)
+        with trainer.clock.running():
+            batch = batch_at(trainer.step)
         self._prepare(batch)
         rates = [trainer.learning_rate(trainer.step + number) for number in range(self._length(share))]
         with trainer.clock.running():
             before = self._state()
-            rows = self._enqueue(batch_at, rates)
+            rows = self._enqueue(lambda step: batch if step == trainer.step else batch_at(step), rates)
             needed = max(row[ROW.index("needed")] for row in rows)
             fits, valid = not needed > self.capacity, all(map(_is_valid, rows))
             if not (fits and valid):
@@ -153,10 +155,13 @@ class Turns:
         longest = TIMED if timed else LONGEST
         if budget.steps is not None:
             longest = min(longest, math.ceil(share * budget.steps) - trainer.step)
-        if trainer.grid is not None:
-            # until the next refresh, and until the bins change behind the first one
+        if grid.cells > 0 and not trainer.whole_rays:
+            # until the first refresh, the change of bins behind it (also without a grid), and the next refresh
             since = trainer.step - grid.first_step
-            longest = min(longest, -since if since < 0 else 1 if since == 0 else grid.every - since % grid.every)
+            if since <= 0:
+                longest = min(longest, -since or 1)
+            elif trainer.grid is not None:
+                longest = min(longest, grid.every - since % grid.every)
         return max(longest, 1)
 
     def _enqueue(self, batch_at: Callable[[int], Batch], rates: list[float]) -> list[list[float]]:
@@ -183,8 +188,14 @@ class Turns:
                 memory.load(batch, generator_for(trainer.seed, trainer.step, "jitter"), rate)
                 row = trainer.looked_at_step(batch.rays, batch.colours, GivenDraws(memory.draws), memory.rate)
             trainer.end_step(row, rate, len(batch.rays))
+            if trainer.progress >= 1.0:  # by a clock, in the middle of the turn
+                break
 
     # the captured step
+
+    def release(self) -> None:
+        """Free the memory of the captured step; the next turn captures it again."""
+        self._replay, self._memory, self._key = _nothing, None, None
 
     def _live(self) -> list[Tensor]:
         """Return the tensors that a step changes."""
@@ -231,6 +242,8 @@ class Turns:
 
     def _capture(self, batch: Batch) -> None:
         trainer, device, before = self.trainer, self.trainer.device, self._state()
+        self._replay, self._memory = _nothing, None
+        gc.collect()  # the graphs of cells that have ended, which hold gigabytes
         recorder, rays = self._recorder(), batch.rays
         with torch.no_grad():
             evaluations = trainer.loss(rays, batch.colours, recorder).evaluations
@@ -262,6 +275,8 @@ class Turns:
                 compiled = step_of(torch.compile(flat, fullgraph=True, dynamic=False, backend=self.compiler))
                 compiled()
                 step, words = compiled, ["compiled"]
+            except torch.OutOfMemoryError:
+                raise
             except Exception as error:  # no compiler here, or an operation that it does not know
                 words = [f"not compiled ({type(error).__name__})"]
                 trainer.fields.zero_grad(set_to_none=True)
@@ -276,13 +291,19 @@ class Turns:
         try:
             self._replay = self.capture(noted_step)
             words.append("captured")
+        except torch.OutOfMemoryError:
+            raise
         except RuntimeError as error:  # this device cannot capture a step: the host launches every operation
             trainer.fields.zero_grad(set_to_none=True)
-            step, self._replay = step_of(flat), noted_step
-            words = [f"not captured ({type(error).__name__})"]
+            self._replay = noted_step
+            words.append(f"not captured ({type(error).__name__})")
         self.form = ", ".join(words)
         self.captured += 1
         self._restore(before)
+
+
+def _nothing() -> None:
+    pass
 
 
 def _adam_of(trainer: Trainer) -> TorchOptimisers:
@@ -301,10 +322,12 @@ def graph_of_the_gpu(run: Run) -> Run:
     """Capture `run` as a CUDA or HIP graph. Raises `RuntimeError` for work that cannot be captured."""
     beside = torch.cuda.Stream()
     beside.wait_stream(torch.cuda.current_stream())
-    with torch.cuda.stream(beside):
-        for _ in range(3):
-            run()
-    torch.cuda.current_stream().wait_stream(beside)
+    try:
+        with torch.cuda.stream(beside):
+            for _ in range(3):
+                run()
+    finally:
+        torch.cuda.current_stream().wait_stream(beside)
     graph = torch.cuda.CUDAGraph()
     with torch.cuda.graph(graph):
         run()

@@ -32,7 +32,7 @@ from harness.training.batches import Batch
 from harness.training.learner import Job, take_turn
 from harness.training.lockstep import train_group
 from harness.training.make_learner import learner_for
-from harness.training.trainer import Diverged, Trainer
+from harness.training.trainer import Trainer
 from scenes.files.json_object import JsonObject
 
 NETWORKS = tuple(name for name, method in CATALOG.items() if method.parts is not None and method.is_field)
@@ -67,23 +67,39 @@ class DeviceContext:
 def sections(context: DeviceContext) -> Iterator[tuple[str, JsonObject]]:
     """Yield the name and the content of each section as soon as it is measured."""
     use_threads(1)
-    yield "facts", facts(context)
-    yield "methods", {method: against_the_processor(context, method) for method in NETWORKS}
-    yield "bits", equal_runs(context)
-    yield "rates", rates(context)
-    if context.minutes > 0:
-        yield "cells", cells(context)
+    asked: dict[str, Callable[[DeviceContext], JsonObject]] = {
+        "facts": facts,
+        "methods": lambda here: {method: against_the_processor(here, method) for method in NETWORKS},
+        "bits": equal_runs,
+        "rates": rates,
+        **({"cells": cells} if context.minutes > 0 else {}),
+    }
+    for name, measure in asked.items():
+        try:
+            yield name, measure(context)
+        except Exception as error:  # the other sections may still be known
+            yield name, {"failed": _told(error)}
+
+
+def _told(error: BaseException) -> str:
+    """Return an error in one line, without the name of a user's folder."""
+    text = f"{type(error).__name__}: {' '.join(str(error).split())}"
+    return text.replace(str(Path.home()), "~")[:500]
 
 
 def faults(found: JsonObject) -> list[str]:
     """Return a sentence on everything that a device should do and this one did not."""
-    sentences = [
-        f"{method}: {row['why'] or 'its picture differs from that of the processor'}"
-        for method, row in found.get("methods", {}).items()
-        if not row["agrees"]
-    ]
-    if not found.get("bits", {"equal": True})["equal"]:
+    sentences = [f"{name}: {content['failed']}" for name, content in found.items() if "failed" in content]
+    known = {name: content for name, content in found.items() if "failed" not in content}
+    for method, row in known.get("methods", {}).items():
+        if not row["agrees"]:
+            sentences.append(f"{method}: {row['why'] or 'its picture differs from that of the processor'}")
+    if not known.get("bits", {"equal": True})["equal"]:
         sentences.append("two equal runs have other bits")
+    for method in CELLS:
+        cell = known.get("cells", {}).get(method, {"status": "done"})
+        if cell["status"] != "done":
+            sentences.append(f"cell of {method}: {cell['reason']}")
     return sentences
 
 
@@ -126,8 +142,8 @@ def against_the_processor(context: DeviceContext, method: str) -> JsonObject:
 
     try:
         (first, later), (first_there, later_there) = pictures(torch.device("cpu")), pictures(context.device)
-    except (Diverged, RuntimeError) as error:
-        return {"agrees": False, "why": " ".join(str(error).split())[:300]}
+    except Exception as error:
+        return {"agrees": False, "why": _told(error)}
     changed = float((later - first).abs().mean())
     apart = float((later_there - later).abs().mean())
     return {
@@ -224,7 +240,7 @@ def cells(context: DeviceContext) -> JsonObject:
     for cell in train_group(task, views, provenance(context.device), lambda share: None):
         found[cell.method] = {
             "status": cell.status,
-            "reason": cell.reason,
+            "reason": cell.reason and cell.reason.replace(str(Path.home()), "~"),
             "steps": cell.steps,
             "seconds": cell.train_seconds,
             "scores": cell.scores,

@@ -118,7 +118,7 @@ def test_without_compiler_or_graph_the_steps_are_the_same() -> None:
         raise RuntimeError("this device has no graphs")
 
     learner = ended(turning("qnerf", DENSE, refuses, compiler="none such"))
-    assert turns_of(learner).form == "not captured (RuntimeError)"
+    assert turns_of(learner).form == "not compiled (InvalidBackend), not captured (RuntimeError)"
     assert same(weights(learner), weights(ended(turning("qnerf", DENSE))))
 
 
@@ -250,6 +250,8 @@ def test_turns_end_at_the_share_at_refreshes_and_after_a_hundred_steps() -> None
 
     assert lengths(DENSE, 230) == [100, 100, 30]
     assert lengths(DENSE, 24, 0.3) == [8]
+    without = replace(TRAIN, accelerations=NO_ACCELERATION)  # the bins change at the same step, without a refresh
+    assert lengths(without, 24) == [10, 1, 13]
     # the first refresh is at step 10, the bins change behind it, and the next refresh is at step 15
     assert lengths(TRAIN, 24) == [10, 1, 4, 5, 4]
 

@@ -65,6 +65,21 @@ def test_a_device_that_differs_is_named_and_ends_with_exit_code_3(
         assert f"not as on the processor: {sentence}" in said
 
 
+def test_what_fails_is_a_sentence_and_the_other_sections_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(context: object) -> dict[str, Any]:
+        raise ValueError(f"no memory in {Path.home()}/a")
+
+    for name in ("facts", "equal_runs", "cells"):
+        monkeypatch.setattr(device_report, name, lambda context: {})
+    monkeypatch.setattr(device_report, "NETWORKS", ())
+    monkeypatch.setattr(device_report, "rates", broken)
+    found = dict(device_report.sections(type("Context", (), {"minutes": 1.0})()))  # type: ignore[arg-type]
+    assert found["rates"] == {"failed": "ValueError: no memory in ~/a"}
+    assert list(found) == ["facts", "methods", "bits", "rates", "cells"]
+    found |= {"bits": {"equal": True}, "cells": {"nerf": {"status": "error", "reason": "no kernel"}}}
+    assert faults(found) == ["rates: ValueError: no memory in ~/a", "cell of nerf: no kernel"]
+
+
 def test_pictures_that_are_too_far_apart_do_not_agree(monkeypatch: pytest.MonkeyPatch) -> None:
     import torch
 
