@@ -31,7 +31,7 @@ from baselines.contract import (
     counts_by_component,
     glorot,
 )
-from baselines.numerics.encoding import encode, feature_count, frequency_ladder
+from baselines.numerics.encoding import encode, feature_count, features_at, frequency_ladder
 
 ROWS_MULTIPLE = 1024
 """In reduced precision, the number of points is padded to a multiple of this: the processor's library builds and keeps
@@ -186,8 +186,8 @@ class NetworkField(nn.Module):
         direction's part of that layer is added ray by ray. No value is cached between calls.
         """
         dtype, shape = self.dtype, x.shape[:2]
-        position = _padded(features(self.coordinates(x.reshape(-1, 3)), self.position_omega)).to(dtype)
-        view = features(self.direction_coordinates(d), self.direction_omega) if self.view_dependent else d[:, :0]
+        position = _padded(features_at(self.coordinates(x.reshape(-1, 3)), self.position_omega)).to(dtype)
+        view = features_at(self.direction_coordinates(d), self.direction_omega) if self.view_dependent else d[:, :0]
         hidden = position
         for index, layer in enumerate(_linears(self.density_net)):
             hidden = self.activation(linear(hidden, _padded(layer.weight).to(dtype), layer.bias.to(dtype)))
@@ -269,12 +269,6 @@ SPREAD_POINTS = 512
 @cache
 def _evenly_spread() -> Float[Tensor, "points 3"]:
     return torch.quasirandom.SobolEngine(3).draw(SPREAD_POINTS)
-
-
-def features(x: Float[Tensor, "points axes"], omega: Float[Tensor, " bands"]) -> Float[Tensor, "points features"]:
-    """Return `baselines.numerics.encoding.fourier_features` with angular frequencies `omega`, bit-identical."""
-    angle = x.unsqueeze(-2) * omega.unsqueeze(-1)
-    return torch.cat([x, torch.stack([torch.sin(angle), torch.cos(angle)], dim=-2).flatten(-3)], dim=-1)
 
 
 def _padded(matrix: Tensor, rows: bool = False) -> Tensor:

@@ -17,7 +17,7 @@ from torch import Tensor
 
 from baselines.contract import Box, RadianceField, Rays, Rendering, Samples
 from baselines.marching.fixed_shapes import march_fixed
-from baselines.marching.sampling_plan import Sampling, bins_to_evaluate
+from baselines.marching.sampling_plan import Sampling, placed
 from baselines.numerics.bounds import ray_box
 from baselines.numerics.checks import BadDensity, require_density, require_interval
 from baselines.numerics.compositing import composite, expected_depth
@@ -103,10 +103,7 @@ def _march(
     Where bins share points, a bin is evaluated completely or has length 0: every point with a weight has a colour.
     """
     rule = QUADRATURES[sampling.quadrature]
-    t, t_edges = rule.place(t_edges, draws)
-    x = rays.origins.unsqueeze(1) + t.unsqueeze(-1) * rays.directions.unsqueeze(1)
-    lengths = rule.lengths(t, t_edges)
-    keep = bins_to_evaluate(field, x, lengths, rule, sampling, grid, draws)
+    t, t_edges, x, lengths, keep = placed(field, rays, t_edges, rule, sampling, grid, draws)
     view = field.encode_directions(rays.directions)
     may_stop = sampling.early_stop and field.pointwise and not torch.is_grad_enabled()
     sigma = torch.zeros_like(t)

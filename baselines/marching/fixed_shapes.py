@@ -13,7 +13,7 @@ from torch import Tensor
 
 from baselines.contract import Counts, Rays, Rendering, Samples
 from baselines.field import NetworkField
-from baselines.marching.sampling_plan import Sampling, bins_to_evaluate
+from baselines.marching.sampling_plan import Sampling, placed
 from baselines.numerics.compositing import expected_depth
 from baselines.numerics.quadrature import QUADRATURES
 from baselines.numerics.sampling import Bins, Draws, Edges
@@ -31,10 +31,7 @@ def march_fixed(
 ) -> tuple[Rendering, Edges, Bins]:
     """March once along all rays; the results are those of the march in `baselines.rendering`, to rounding."""
     rule = QUADRATURES[sampling.quadrature]
-    t, t_edges = rule.place(t_edges, draws)
-    x = rays.origins.unsqueeze(1) + t.unsqueeze(-1) * rays.directions.unsqueeze(1)
-    lengths = rule.lengths(t, t_edges)
-    keep = bins_to_evaluate(field, x, lengths, rule, sampling, grid, draws)
+    t, t_edges, x, lengths, keep = placed(field, rays, t_edges, rule, sampling, grid, draws)
     points = rule.points_of(keep)
     if rule.closed:
         lengths = lengths * keep

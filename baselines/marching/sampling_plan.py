@@ -1,13 +1,14 @@
 """Which points of a ray are evaluated: the settings of sampling, and the bins that the occupancy grid leaves."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from baselines.contract import RadianceField
+from baselines.contract import RadianceField, Rays
 from baselines.numerics.quadrature import Rule
-from baselines.numerics.sampling import Bins, Draws, uniform
+from baselines.numerics.sampling import Bins, Draws, Edges, uniform
 from baselines.occupancy import OccupancyGrid
 
 
@@ -31,7 +32,34 @@ class Sampling:
     """The share of the points of a fixed shape that can be evaluated; what does not fit is counted as dropped."""
 
 
-def bins_to_evaluate(
+class Placed(NamedTuple):
+    """The points of rays: what a march begins with."""
+
+    t: Float[Tensor, "rays points"]
+    t_edges: Edges
+    x: Float[Tensor, "rays points 3"]
+    lengths: Bins
+    keep: Bool[Tensor, "rays bins"]
+    """The bins that have a length and are not known to be empty or, in training, hidden."""
+
+
+def placed(
+    field: RadianceField,
+    rays: Rays,
+    t_edges: Edges,
+    rule: Rule,
+    sampling: Sampling,
+    grid: OccupancyGrid | None,
+    draws: Draws | None,
+) -> Placed:
+    """Return points in the bins, random in training (`draws`), and the bins to evaluate."""
+    t, t_edges = rule.place(t_edges, draws)
+    x = rays.origins.unsqueeze(1) + t.unsqueeze(-1) * rays.directions.unsqueeze(1)
+    lengths = rule.lengths(t, t_edges)
+    return Placed(t, t_edges, x, lengths, _bins_to_evaluate(field, x, lengths, rule, sampling, grid, draws))
+
+
+def _bins_to_evaluate(
     field: RadianceField,
     x: Float[Tensor, "rays points 3"],
     lengths: Bins,
@@ -40,7 +68,6 @@ def bins_to_evaluate(
     grid: OccupancyGrid | None,
     draws: Draws | None,
 ) -> Bool[Tensor, "rays bins"]:
-    """Return the bins that have a length and are not known to be empty or, in training (`draws`), hidden."""
     keep = lengths > 0
     if grid is None:
         return keep

@@ -65,7 +65,12 @@ def fourier_features(x: Float[Tensor, "*batch axes"], f: Float[Tensor, " bands"]
     """
     if x.dtype in (torch.float16, torch.bfloat16):
         raise TypeError(f"the encoding needs float32 or better, got {x.dtype}: its upper bands would be noise")
-    angle = x.unsqueeze(-2) * (math.pi * f).to(x.dtype).unsqueeze(-1)
+    return features_at(x, (math.pi * f).to(x.dtype))
+
+
+def features_at(x: Float[Tensor, "*batch axes"], omega: Float[Tensor, " bands"]) -> Float[Tensor, "*batch features"]:
+    """Return `fourier_features` with given angular frequencies ω = f π."""
+    angle = x.unsqueeze(-2) * omega.unsqueeze(-1)
     waves = torch.stack([torch.sin(angle), torch.cos(angle)], dim=-2)
     return torch.cat([x, waves.flatten(-3)], dim=-1)
 

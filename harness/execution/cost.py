@@ -184,8 +184,7 @@ def training_seconds(plan: Plan, pace: Pace) -> float:
 def scoring_seconds(plan: Plan, pace: Pace, paces: Paces) -> float:
     """Return the scoring seconds of a cell at its checkpoints and at its end."""
     score, views = plan.score, plan.views
-    middle = views.test if score.curve_views is None else min(score.curve_views, views.test)
-    at_checkpoints = (score.checkpoints - 1) * middle + views.test
+    at_checkpoints = score.rendered(views.test)
     rendered = at_checkpoints + score.train_views + 2
     compared = (at_checkpoints + views.test) * paces.compared
     return rendered * views.resolution**2 * pace.ray + compared

@@ -173,7 +173,7 @@ def _of_sampling(train: TrainSettings, parts: Mapping[str, Parts]) -> Iterator[s
 
 
 def _of_scoring(plan: Plan) -> Iterator[str]:
-    if plan.score.curve_views is not None and plan.score.curve_views < plan.views.test:
+    if plan.score.on_curve(plan.views.test) < plan.views.test:
         yield (
             f"Curves, and scores at equal time, are means over {plan.score.curve_views} evenly spread test views; "
             "scores at the end, and so those at equal steps, are means over all."

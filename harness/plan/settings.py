@@ -83,6 +83,14 @@ class ScoreSettings:
     stored_views: int = 2
     """The number of test views kept as pictures for the report."""
 
+    def on_curve(self, test: int) -> int:
+        """Return the number of views, of `test` views, of which the curves are means."""
+        return test if self.curve_views is None else min(self.curve_views, test)
+
+    def rendered(self, test: int) -> int:
+        """Return how many of `test` views a cell renders, at its checkpoints and at its end."""
+        return (self.checkpoints - 1) * self.on_curve(test) + test
+
 
 NEEDED, NEEDED_DB, NEEDED_SLOPE_DB = (95, 400), 45.0, 12.0
 """The minimum and maximum of the samples per pixel that a classic scene needs for a ceiling of 45 dB, and the gain of

@@ -147,9 +147,8 @@ class CellTraining:
         self.test = evaluate.cameras_of(views, views.test, self.trainer.device)
         self.due = checkpoint_fractions(score.checkpoints, score.earliest)
         self.curve: list[Checkpoint] = []
-        count = len(views.test.names) if score.curve_views is None else score.curve_views
         poses = views.test.camera_to_world
-        self.on_curve: list[int] = evenly_spread(min(count, len(poses)), poses).tolist()
+        self.on_curve: list[int] = evenly_spread(score.on_curve(len(poses)), poses).tolist()
         """The test views of which the curve is the mean."""
         self.kept = KeptRenders.of(views.test, score.stored_views, self.task.seed, score.checkpoints)
         self.occupied = read_occupancy(views)

@@ -349,8 +349,7 @@ class Trainer(BudgetedTrainer):
         sampling = self.sampling(training=draws is not None)
         if looks:
             rays.require_finite()
-        if looks:  # whoever looks drops no point
-            sampling = replace(sampling, capacity=1.0)
+            sampling = replace(sampling, capacity=1.0)  # whoever looks drops no point
         if bins is not None:
             sampling = replace(sampling, bins=bins, fine_bins=round(sampling.fine_bins * bins / sampling.bins))
         try:

@@ -8,9 +8,9 @@ import torch
 from torch import Tensor, nn
 
 from baselines.contract import Box, Rays, Rendering
-from baselines.field import NetworkField, features, training_step
+from baselines.field import NetworkField, training_step
 from baselines.marching.sampling_plan import Sampling
-from baselines.numerics.encoding import PHI, fourier_features, frequency_ladder
+from baselines.numerics.encoding import PHI, encode, features_at, fourier_features, frequency_ladder
 from baselines.occupancy import OccupancyGrid
 from baselines.rendering import render_rays
 from tests.baselines.small_fields import BOX, PARTS, WHITE, every_method, field_of, roughened, some_rays
@@ -146,4 +146,5 @@ def test_invalid_densities_are_counted_and_raise_nothing(value: float, monkeypat
 def test_its_features_are_those_of_listing_1_bit_for_bit(base: float, bands: int) -> None:
     x = 2.0 * torch.rand(50, 3, generator=torch.Generator().manual_seed(0)) - 1.0
     ladder = frequency_ladder(base, bands)
-    assert torch.equal(features(x, torch.pi * ladder), fourier_features(x, ladder))
+    assert torch.equal(features_at(x, torch.pi * ladder), fourier_features(x, ladder))
+    assert torch.equal(features_at(x, torch.pi * ladder), encode(x, base, bands))

@@ -12,7 +12,7 @@ from pathlib import Path
 import torch
 
 from baselines.catalog import CATALOG
-from baselines.contract import NetworkSize, Precision, Rays
+from baselines.contract import NetworkSize, Precision
 from baselines.plain import PlainField, plain_step
 from harness.execution.ground_truth import read_views, view_set_folders
 from harness.execution.progress import Progress
@@ -26,7 +26,7 @@ from harness.plan.schedule import Budget
 from harness.plan.seeds import generator_for
 from harness.plan.settings import GridSettings, ScoreSettings, TrainSettings, ViewSettings
 from harness.studies.drawn_views import write_disc
-from harness.studies.speed.speed_context import unit_box
+from harness.studies.speed.speed_context import random_batch, unit_box
 from harness.studies.speed.throughput import step_flops
 from harness.training.batches import Batch
 from harness.training.learner import Job, take_turn
@@ -111,12 +111,7 @@ def facts(context: DeviceContext) -> JsonObject:
 
 
 def _batch(device: torch.device, count: int, step: int) -> Batch:
-    """Return rays from all sides that cross the box ±1, with random colours."""
-    generator = generator_for("device", step)
-    origins = 4.0 * torch.nn.functional.normalize(torch.randn(count, 3, generator=generator), dim=-1)
-    aims = 0.3 * torch.rand(count, 3, generator=generator)
-    rays = Rays(origins, torch.nn.functional.normalize(aims - origins, dim=-1), 2.0, 6.0)
-    return Batch(rays.to(device), torch.rand(count, 3, generator=generator).to(device))
+    return random_batch(device, count, "device", step)
 
 
 def _always(batch: Batch) -> Callable[[int], Batch]:
@@ -156,7 +151,7 @@ def against_the_processor(context: DeviceContext, method: str) -> JsonObject:
 
 
 def equal_runs(context: DeviceContext) -> JsonObject:
-    settings = replace(_paper(context, "bfloat16"), fine_bins=SMALL.fine_bins if context.quick else 128)
+    settings = _paper(context, "bfloat16")
     steps = 4 if context.quick else 200
     first, second = (_trained("qnerf", context.device, settings, steps).fields.state_dict() for _ in range(2))
     largest = max(float((first[name] - second[name]).abs().max()) for name in first)

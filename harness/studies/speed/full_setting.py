@@ -75,7 +75,7 @@ def work_of(plan: Plan) -> Work:
     step = step_flops(train.network, train.rays * samples, train.rays)
     per_ray = step / train.rays / FORWARD_PASSES_PER_STEP
     pixels = views.resolution**2
-    scored = views_scored(plan) + score.train_views
+    scored = score.rendered(views.test) + score.train_views
     cells, first_seed = len(plan.cells()), len(plan.scenes) * len(plan.methods)
     kept = first_seed * score.checkpoints + (cells - first_seed) + len(plan.scenes)
     all_views = len(plan.scenes) * (views.train + views.val + views.test)
@@ -90,13 +90,6 @@ def work_of(plan: Plan) -> Work:
         decoded=float((views.train + views.test) * pixels * DECODED_BYTES_PER_PIXEL),
         pictures=float(kept * score.stored_views * pixels * PICTURE_BYTES_PER_PIXEL),
     )
-
-
-def views_scored(plan: Plan) -> int:
-    """Return the number of test views that a cell renders at its checkpoints and at its end."""
-    middle = plan.score.curve_views
-    before = plan.views.test if middle is None else min(middle, plan.views.test)
-    return (plan.score.checkpoints - 1) * before + plan.views.test
 
 
 def wall_hours(work: Work, cell_hours: float, gpus: int) -> float:

@@ -149,13 +149,17 @@ def views_of(context: SpeedContext) -> ViewSet:
 
 
 def synthetic_batch(context: SpeedContext, count: int) -> Batch:
+    return random_batch(context.device, count, "speed", "rays")
+
+
+def random_batch(device: torch.device, count: int, *purpose: int | str) -> Batch:
     """Return `count` rays from all sides through the middle of the box ±1, near 2 and far 6, with random colours."""
-    generator = generator_for("speed", "rays")
+    generator = generator_for(*purpose)
     origins = 4.0 * torch.nn.functional.normalize(torch.randn(count, 3, generator=generator), dim=-1)
     aims = torch.rand(count, 3, generator=generator) - 0.5
     directions = torch.nn.functional.normalize(aims - origins, dim=-1)
     colours = torch.rand(count, 3, generator=generator)
-    return Batch(Rays(origins, directions, 2.0, 6.0).to(context.device), colours.to(context.device))
+    return Batch(Rays(origins, directions, 2.0, 6.0).to(device), colours.to(device))
 
 
 def unit_box(device: torch.device) -> Box:
