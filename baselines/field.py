@@ -159,11 +159,12 @@ class NetworkField(nn.Module):
 
     def _outputs(self, x: Tensor, view: Tensor | None, ray: Tensor | None) -> tuple[Tensor, Tensor | None]:
         """Return raw density [points] and, with a view, colour logits [points, 3], both float32 as the weights are."""
-        count, position = len(x), self._encoded(x).to(self.dtype)
+        count = len(x)
         if self.dtype.itemsize < 4 and x.device.type == "cpu":
             missing = -count % ROWS_MULTIPLE
-            position = pad(position, (0, 0, 0, missing))
+            x = pad(x, (0, 0, 0, missing))
             ray = None if ray is None else pad(ray, (0, missing))
+        position = self._encoded(x).to(self.dtype, memory_format=torch.contiguous_format)
         *_, (last, hidden) = self._hidden(position)
         skipped = position if last == self.skip else None
         raw = self._split_linear(self.density_head, hidden, skipped)[:count, 0].to(self.density_head.weight.dtype)

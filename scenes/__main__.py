@@ -66,6 +66,10 @@ def _render(options: argparse.Namespace) -> None:
     from scenes.rendering.store import ensure_view_set
     from scenes.view_sets.manifest import read_manifest
 
+    if options.threads is not None:
+        import drjit
+
+        drjit.set_thread_count(options.threads)
     counts = {"train": options.train, "val": options.val, "test": options.test}
     spp = {"train": options.spp_train, "val": options.spp_val or options.spp_train, "test": options.spp_test}
     ceilings = {"train": options.ceiling_train, "val": options.ceiling_val, "test": options.ceiling_test}
@@ -144,6 +148,7 @@ def _parser() -> argparse.ArgumentParser:
         render.add_argument(f"--ceiling-{split}", type=float, metavar="DB", help=ceiling)
     render.add_argument("--view-sets", type=Path, default=Path("out/view_sets"), metavar="DIR")
     render.add_argument("--integrator", choices=("path", "volpath"), help="default: what the scene needs")
+    render.add_argument("--threads", type=int, metavar="N", help="threads of the renderer (default: one per core)")
     export = commands.add_parser("export", help="write a view set in the format of another trainer")
     export.add_argument("folder", type=Path, metavar="VIEW_SET", help="a folder or file that --view-set takes")
     export.add_argument("--format", required=True, choices=("nerfstudio", "blender", "npz"))

@@ -5,14 +5,20 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from harness.execution.arriving import Arriving
     from harness.execution.group_loop import Event
     from harness.plan.group_task import GroupTask
     from harness.plan.run_plan import Machine
 
 
 def run_groups(
-    machine: "Machine", tasks: "list[GroupTask]", commit: str, locally: "Callable[..., Iterator[Event]]"
+    machine: "Machine",
+    tasks: "list[GroupTask]",
+    commit: str,
+    locally: "Callable[..., Iterator[Event]]",
+    arriving: "Arriving | None" = None,
 ) -> "Iterator[Event]":
+    """Run the groups, on this machine also those that arrive."""
     if machine.executor == "ray":
         from harness.execution.ray_executor import run_on_ray
 
@@ -21,7 +27,7 @@ def run_groups(
         from harness.execution.submitit_executor import run_by_submitit
 
         return run_by_submitit(tasks, commit, machine.workers, list(machine.job_options))
-    return locally(tasks, machine.workers)
+    return locally(tasks, machine.workers, *([arriving] if arriving else []))
 
 
 def device_here(machine: "Machine") -> str:

@@ -11,7 +11,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -92,8 +92,10 @@ def render_view_sets(
     cache: Path,
     scene_file: str | None = None,
     limit: float | None = None,
-) -> Iterator[RenderProgress]:
-    """Yield progress, with a `path` for each finished scene. Raises `InputError` with the renderer's message.
+    threads: int | None = None,
+) -> Generator[RenderProgress]:
+    """Yield progress, with a `path` for each finished scene. Raises `InputError` with the renderer's message. By
+    default all cores render.
 
     With `scene_file`, only that scene is rendered, and `InputError` is also raised if its process crashes, or if
     loading or a view takes longer than `limit` seconds (default `usual_limit`; otherwise there is no limit). Finished
@@ -103,7 +105,8 @@ def render_view_sets(
     if scene_file is not None and limit is None:
         limit = usual_limit(views)
     integrator = _forced_integrator(views)
-    how = [*sizes_of(views), *(["--integrator", integrator] if integrator else [])]
+    options = {"--integrator": integrator, "--threads": threads}
+    how = [*sizes_of(views), *(word for name, value in options.items() if value for word in (name, str(value)))]
     for variant in ([], ["--variant", "scalar_rgb"]):
         named = missing if scene_file is None else ["--scene-file", scene_file]
         try:

@@ -4,19 +4,24 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
+from harness.execution.arriving import Arrival
 from harness.execution.group import failed_cells, missing_methods
+from harness.execution.progress import RenderProgress
 from harness.plan.group_task import GroupTask
 from harness.records.cells import CellRecord
 
 
 @dataclass(frozen=True)
 class Event:
-    """An event of a group: training advanced, a cell ended, or there is a note for the user."""
+    """An event of a group: training advanced, a cell ended, or there is a note for the user. Or the renderer advanced,
+    which concerns no group.
+    """
 
-    task: GroupTask
+    task: GroupTask | None
     share: float | None = None
     cell: CellRecord | None = None
     notice: str | None = None
+    rendered: RenderProgress | None = None
 
 
 @dataclass(eq=False)
@@ -27,6 +32,8 @@ class Attempt:
     ended: int = 0
     """The number of its methods that had ended before it."""
     handle: Any = None
+    place: int = -1
+    """Its place in the plan; attempts that follow a lost one come first."""
 
 
 @dataclass(frozen=True)
@@ -44,16 +51,22 @@ News = float | str | CellRecord | End
 
 
 class Executor(Protocol):
-    room: int
-    """The maximum number of simultaneous attempts; 0 if no more are taken."""
     refusal: str
     """Why no more are taken."""
+
+    @property
+    def room(self) -> int:
+        """Return the maximum number of simultaneous attempts; 0 if no more are taken."""
+
+    @property
+    def expecting(self) -> bool:
+        """Return whether groups may still arrive."""
 
     def submit(self, attempt: Attempt, task: GroupTask) -> None:
         """Begin an attempt at `task`, its task without the methods that have ended."""
 
-    def poll(self, running: list[Attempt]) -> Iterator[tuple[Attempt, News]]:
-        """Wait for news and yield them; raises errors that end the run."""
+    def poll(self, running: list[Attempt]) -> Iterator[tuple[Attempt, News] | Arrival]:
+        """Wait for news and arrivals and yield them; raises errors that end the run."""
 
     def again(self, attempt: Attempt, lost: str, missing: tuple[str, ...]) -> tuple[list[Attempt], str]:
         """Return the attempts that follow a lost one and a notice, or no attempt and the reason for its records."""
@@ -65,7 +78,7 @@ class Executor(Protocol):
 def run_at(executor: Executor, tasks: list[GroupTask]) -> Iterator[Event]:
     """Yield the events of all groups. A lost attempt is followed by others, for the methods that had not ended, or
     recorded as errors; a program error is recorded by its group and not retried. Closing the generator (Ctrl-C) cancels
-    running attempts; ended cells are on disk.
+    running attempts; ended cells are on disk. Groups that arrive wait in the order of the plan.
     """
     waiting = [Attempt(task) for task in tasks]
     running: list[Attempt] = []
@@ -80,8 +93,16 @@ def run_at(executor: Executor, tasks: list[GroupTask]) -> Iterator[Event]:
 
     try:
         submit()
-        while running:
-            for attempt, news in executor.poll(running):
+        while running or executor.expecting:
+            for message in executor.poll(running):
+                if isinstance(message, Arrival):
+                    waiting += [Attempt(task, place=place) for place, task in message.tasks if missing_methods(task)]
+                    waiting.sort(key=lambda attempt: attempt.place)
+                    submit()
+                    if message.rendered is not None:
+                        yield Event(None, rendered=message.rendered)
+                    continue
+                attempt, news = message
                 if isinstance(news, End):
                     running.remove(attempt)
                     events = _after(executor, attempt, news, waiting)

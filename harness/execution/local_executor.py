@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 
+from harness.execution.arriving import Arrival, Arriving
 from harness.execution.group import run_group
 from harness.execution.group_loop import Attempt, End, Event, News, run_at
 from harness.machine.cores import own_cores
@@ -30,30 +31,38 @@ class _Worker:
     attempt: Attempt | None = None
 
 
-def run_locally(tasks: list[GroupTask], workers: int) -> Iterator[Event]:
-    """Run all tasks, at most `workers` at a time, on separate cores and GPUs if there are enough.
+def run_locally(tasks: list[GroupTask], workers: int, arriving: Arriving | None = None) -> Iterator[Event]:
+    """Run all tasks and those that arrive, at most `workers` at a time, on separate cores and GPUs if there are enough.
 
     If a worker dies, the unfinished methods of its group are trained one at a time; a method that ends its worker again
     is recorded as an error. A worker that finds changed sources refuses its group, which goes to another worker, or is
     recorded as an error if none is left. Raises the `OSError` of a worker that cannot write its records. Closing the
     generator (Ctrl-C) ends the workers at once; finished cells are on disk.
     """
-    return run_at(_Workers(tasks[0], workers), tasks) if tasks else iter(())
+    return run_at(_Workers(workers, arriving), tasks) if tasks or arriving else iter(())
 
 
 class _Workers:
     """The worker processes: a group is sent to an idle worker, or to a new one."""
 
-    def __init__(self, first: GroupTask, workers: int) -> None:
-        self.room, self.refusal = workers, ""
+    def __init__(self, workers: int, arriving: Arriving | None) -> None:
+        self._workers, self._arriving, self.refusal = workers, arriving, ""
+        self._seats = workers
         self._pool: list[_Worker] = []
         self._context = multiprocessing.get_context("spawn")
-        self._masks, self._threads = gpu_masks(workers, first.device), first.threads
         self._driver = versions(), code_here()
+
+    @property
+    def room(self) -> int:
+        return self._workers - (self._arriving.places if self._arriving else 0)
+
+    @property
+    def expecting(self) -> bool:
+        return bool(self._arriving and self._arriving.places)
 
     def submit(self, attempt: Attempt, task: GroupTask) -> None:
         while True:
-            worker = next((worker for worker in self._pool if worker.attempt is None), None) or self._start()
+            worker = next((worker for worker in self._pool if worker.attempt is None), None) or self._start(task)
             try:
                 worker.connection.send(task)
             except OSError:  # it died after its last message
@@ -62,10 +71,11 @@ class _Workers:
                 worker.attempt = attempt
                 return
 
-    def _start(self) -> _Worker:
+    def _start(self, task: GroupTask) -> _Worker:
         connection, workers_end = self._context.Pipe()
-        number = min(set(range(len(self._masks))) - {worker.number for worker in self._pool})
-        arguments = workers_end, self._masks[number], self._threads, *self._driver
+        masks = gpu_masks(self._seats, task.device)
+        number = min(set(range(len(masks))) - {worker.number for worker in self._pool})
+        arguments = workers_end, masks[number], task.threads, *self._driver
         process = self._context.Process(target=_work, args=arguments, daemon=True)
         process.start()
         workers_end.close()
@@ -77,9 +87,13 @@ class _Workers:
         worker.connection.close()
         self._pool.remove(worker)
 
-    def poll(self, running: list[Attempt]) -> Iterator[tuple[Attempt, News]]:
+    def poll(self, running: list[Attempt]) -> Iterator[tuple[Attempt, News] | Arrival]:
         busy = {worker.connection: worker for worker in self._pool if worker.attempt}
-        for connection in wait(list(busy)):
+        expected = [self._arriving.connection] if self._arriving and self.expecting else []
+        for connection in wait([*busy, *expected]):
+            if connection in expected and self._arriving:
+                yield self._arriving.receive()
+                continue
             worker = busy[connection]  # type: ignore[index]
             attempt = worker.attempt
             assert attempt is not None
@@ -92,7 +106,7 @@ class _Workers:
                 raise message
             if isinstance(message, _Refusal):  # it would refuse any task
                 self._drop(worker)
-                self.room, self.refusal, message = self.room - 1, message.reason, End(refused=True)
+                self._workers, self.refusal, message = self._workers - 1, message.reason, End(refused=True)
             if isinstance(message, End):
                 worker.attempt = None
             yield attempt, message
@@ -105,6 +119,8 @@ class _Workers:
         return single, f"{task.scene}, seed {task.seed}: {lost}; its methods are trained one at a time"
 
     def cancel(self, running: list[Attempt]) -> None:
+        if self._arriving:
+            self._arriving.stop()
         for worker in self._pool:
             worker.process.kill()
         for worker in self._pool:

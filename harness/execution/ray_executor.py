@@ -68,6 +68,7 @@ class _Cluster:
     """The cluster, which gets all groups at once; its nodes leave messages in a mailbox on this node."""
 
     def __init__(self, tasks: list[GroupTask], commit: str, head: Head[Look]) -> None:
+        self.expecting = False
         self.room, self.refusal = len(tasks), ""
         self._commit, self._head = commit, head
         self._listings = {task.view_set: listed(task.view_set) for task in tasks}

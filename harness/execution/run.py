@@ -11,6 +11,7 @@ from msgspec import structs
 
 from baselines.catalog import GIVEN
 from baselines.methods.explicit import GivenSettings
+from harness.execution.arriving import Arriving
 from harness.execution.executors import device_here, run_groups
 from harness.execution.ground_truth import view_set_folders
 from harness.execution.group import missing_methods
@@ -56,63 +57,174 @@ def run(
     command: str,
     show: Progress,
     verify: Verify | None = None,
+    on_group: Callable[[], None] = lambda: None,
 ) -> int:
     """Execute the plan, without finished cells, into the locked folder `out` (`harness.run_folder.output_folder`).
-    `verify` then trains with and without the parts that each scene does not need. Returns exit code 0, or 3 if a cell
-    diverged or failed or an omission costs more than its bound. Raises `InputError` before training for wrong input.
+    `verify` then trains with and without the parts that each scene does not need; `on_group` is called whenever a group
+    has ended and its comparisons are written. Returns exit code 0, or 3 if a cell diverged or failed or an omission
+    costs more than its bound. Raises `InputError` before training for wrong input.
     """
-    earlier = earlier_run(out)
-    phases = Phases(earlier.phases if earlier else {})
     use_threads(machine.threads)
-    keys = sorted(plan.cells())
     # images of the user are decoded once, for all groups
     with scratch_folder(out) if plan.view_set else nullcontext() as decoded:
-        with phases.timed("render"):
-            folders = view_set_folders(plan, view_sets, show)
-            tasks = [replace(task, decoded=decoded) for task in plan.tasks(folders, machine, out)]
-            tasks, record = _read_view_sets(plan, tasks, command, show)
-        origin = provenance(torch.device(device_here(machine))) | {"executor": machine.executor}
-        origin |= record.provenance | notices_of(earlier)
-        record = structs.replace(record, provenance=origin, scenes=with_measured(record.scenes, earlier))
-        _write(out, keys, record, phases)
+        this = _Run(plan, out, machine, command, decoded, show, on_group)
+        arriving = None
+        if plan.view_set or plan.scene_file or machine.executor != "local":
+            # before any training: a user's mistake is named at once, and a cluster gets all groups together
+            with this.phases.timed("render"):
+                for scene, folder in view_set_folders(plan, view_sets, show).items():
+                    this.add(scene, folder)
+                this.caution()
+        else:
+            arriving = Arriving(plan, view_sets, machine, this.arrived)
+        this.write()
         try:
-            with phases.timed("train"):
-                _train(tasks, keys, record, machine, show)
-                _score_guests(plan, tasks, record, machine, show)
+            with this.phases.timed("train"):
+                this.train(arriving)
+                this.score_guests()
         except KeyboardInterrupt:
-            _write(out, keys, record, phases)
-            raise KeyboardInterrupt(_kept(out, keys)) from None
-    cells = _compare(out, keys, record)
-    _write(out, keys, record, phases, finished=True)
+            this.write()
+            raise KeyboardInterrupt(_kept(out, this.keys)) from None
+    cells = _compare(out, this.keys, this.record)
+    this.write(finished=True)
     if verify:
-        with phases.timed("verify"):
-            record = structs.replace(record, scenes=verify(cells, record.scenes, folders))
-        _write(out, keys, record, phases, finished=True)
+        with this.phases.timed("verify"):
+            verified = verify(cells, this.record.scenes, this.folders)
+            this.record = structs.replace(this.record, scenes=verified)
+        this.write(finished=True)
     # a method that cannot run on this machine is not a failure; its cells name what is missing
     guests = list(read_cells_of(out, plan.guest_cells()))
     ended = sum(cell.status in ("done", "not_available") for cell in (*cells, *guests))
-    return 0 if ended == len(keys) + len(guests) and not any(scene.costs_more for scene in record.scenes) else 3
+    complete = ended == len(this.keys) + len(guests)
+    return 0 if complete and not any(scene.costs_more for scene in this.record.scenes) else 3
 
 
-def _read_view_sets(
-    plan: Plan, tasks: list[GroupTask], command: str, show: Progress
-) -> tuple[list[GroupTask], RunRecord]:
-    """Return the tasks with the view sets' digests, and the run's record. Raises `InputError` for a faulty set."""
-    keys = plan.cells()
-    read = {task.scene: scene_record(task, keys) for task in tasks[: len(plan.scenes)]}
-    scenes = [each.record for each in read.values()]
-    for scene in scenes if plan.view_set else ():
-        box = " ".join(f"{x:.3g}" for corner in scene.bounds for x in corner)
-        show.line(f"view set {scene.name}: box {box}; its silhouettes leave {scene.hull_share:.0%} of it; {scene.seen}")
-    cautions = [f"{scene.name}: {caution}" for scene in scenes for caution in scene.cautions]
-    for caution in cautions:
-        show.line(f"view set {caution}")
-    notes = {scene: each.notes for scene, each in read.items()} if plan.view_set else {}
-    record = planned_record(plan, command, notes)
-    claims = [measured_at_printed_size(file) for file in plan.claims]
-    not_tested = [*record.not_tested, *cautions]
-    record = structs.replace(record, scenes=scenes, claims=claims, not_tested=not_tested)
-    return [_with_scene(plan, task, read[task.scene]) for task in tasks], record
+class _Run:
+    """A run's tasks and record, which grow with the view sets that are ready."""
+
+    def __init__(
+        self,
+        plan: Plan,
+        out: Path,
+        machine: Machine,
+        command: str,
+        decoded: Path | None,
+        show: Progress,
+        on_group: Callable[[], None],
+    ) -> None:
+        self.plan, self.out, self.machine, self.show, self.on_group = plan, out, machine, show, on_group
+        self.keys = sorted(plan.cells())
+        self.decoded = decoded
+        self.earlier = earlier_run(out)
+        self.phases = Phases(self.earlier.phases if self.earlier else {})
+        self.tasks: list[GroupTask] = []
+        self.folders: dict[str, Path] = {}
+        self._read: dict[str, SceneRead] = {}
+        self._command = command
+        self._origin = provenance(torch.device(device_here(machine))) | {"executor": machine.executor}
+        self._claims = [measured_at_printed_size(file) for file in plan.claims]
+        self.record = self._planned()
+
+    def _planned(self) -> RunRecord:
+        """Return the record with the scenes that are ready, in the order of the plan."""
+        read = [self._read[scene] for scene in self.plan.scenes if scene in self._read]
+        notes = {each.record.name: each.notes for each in read} if self.plan.view_set else {}
+        record = planned_record(self.plan, self._command, notes)
+        cautions = [f"{each.record.name}: {caution}" for each in read for caution in each.record.cautions]
+        return structs.replace(
+            record,
+            scenes=with_measured([each.record for each in read], self.earlier),
+            claims=self._claims,
+            not_tested=[*record.not_tested, *cautions],
+            provenance=self._origin | record.provenance | notices_of(self.earlier),
+        )
+
+    def add(self, scene: str, folder: Path) -> list[GroupTask]:
+        """Read the view set of a scene; return its groups. Raises `InputError` for a faulty set."""
+        tasks = self.plan.tasks({scene: folder}, self.machine, self.out)
+        tasks = [replace(task, decoded=self.decoded) for task in tasks]
+        read = scene_record(tasks[0], self.plan.cells())
+        tasks = [_with_scene(self.plan, task, read) for task in tasks]
+        self.folders[scene], self._read[scene] = folder, read
+        self.tasks += tasks
+        self.record = self._planned()
+        return tasks
+
+    def arrived(self, scene: str, folder: Path) -> list[GroupTask]:
+        tasks = self.add(scene, folder)
+        for caution in self._read[scene].record.cautions:
+            self.show.line(f"view set {scene}: {caution}")
+        self.write()
+        return tasks
+
+    def caution(self) -> None:
+        """Say what the user should know of all view sets before they are trained on."""
+        for scene in self.record.scenes if self.plan.view_set else ():
+            box = " ".join(f"{x:.3g}" for corner in scene.bounds for x in corner)
+            left = f"its silhouettes leave {scene.hull_share:.0%} of it; {scene.seen}"
+            self.show.line(f"view set {scene.name}: box {box}; {left}")
+        for scene in self.record.scenes:
+            for caution in scene.cautions:
+                self.show.line(f"view set {scene.name}: {caution}")
+
+    def write(self, finished: bool = False) -> None:
+        cells = list(read_cells_of(self.out, self.keys))
+        not_tested = [*self.record.not_tested, *mixed_hardware(cells), *mixed_sources(cells)]
+        phases = self.phases.seconds()
+        write_run(self.out, structs.replace(self.record, phases=phases, finished=finished, not_tested=not_tested))
+
+    def train(self, arriving: Arriving | None) -> None:
+        """Train the missing cells; add the executor's notices to the record's provenance."""
+        cells = _ended_cells(self.out, self.keys)
+        missing = len(self.keys) - len(cells)
+        elsewhere = stale_cells(cells, self._origin, self.out)
+        if elsewhere and (missing or mixed_sources(cells)):
+            self.show.line(elsewhere)
+        self.show.start_training(len(self.keys), missing)
+        due = [replace(task, methods=methods) for task in self.tasks if (methods := missing_methods(task))]
+        for event in self._events(due, arriving):
+            if event.notice is not None and event.notice not in (notices := self._origin.setdefault("notices", [])):
+                notices.append(event.notice)
+                self.record.provenance["notices"] = notices
+            if event.share is not None and event.task is not None:
+                self.show.trained(event.task, event.share)
+                if event.share == 1.0:
+                    _compare(self.out, self.keys, self.record)
+                    self.on_group()
+        drop_folder(self.out)
+
+    def score_guests(self) -> None:
+        """Score the missing guests: Gaussians as they are given, and a method that is trained for scale, on each scene
+        for the baseline's core seconds if these are known.
+        """
+        plan, out, baseline = self.plan, self.out, self.record.roles.baseline
+        _ended_cells(out, plan.guest_cells())
+        due = []
+        for task in (task for task in self.tasks if task.seed == plan.seeds[0]):
+            path = cell_path(out, task.scene, baseline, task.seed)
+            if plan.given:
+                due.append(replace(task, methods=(GIVEN,), budget=Budget(0, None)))
+            if plan.guest and path.exists() and (seconds := read_cell(path).train_core_seconds):
+                due.append(replace(task, methods=(plan.guest,), budget=Budget(None, None, seconds)))
+        for guest in plan.guests:  # one after the other, as both are groups of the same scenes and seed
+            missing = [task for task in due if task.methods == (guest,) and missing_methods(task)]
+            if not missing:
+                continue
+            if guest != GIVEN:
+                self.show.line(f"training {guest} for scale, on each scene for the core seconds of {baseline}")
+            for _ in self._events(missing):
+                pass
+            drop_folder(out)
+
+    def _events(self, tasks: list[GroupTask], arriving: Arriving | None = None) -> Iterator[Event]:
+        for event in run_groups(self.machine, tasks, self._origin["commit"], run_locally, arriving):
+            if event.notice is not None:
+                self.show.line(event.notice)
+            if event.rendered is not None:
+                self.show.rendered(event.rendered, len(self.plan.scenes))
+            if event.cell is not None:
+                self.show.cell(event.cell)
+            yield event
 
 
 def _with_scene(plan: Plan, task: GroupTask, read: SceneRead) -> GroupTask:
@@ -124,55 +236,6 @@ def _with_scene(plan: Plan, task: GroupTask, read: SceneRead) -> GroupTask:
     return replace(task, train=replace(task.train, own={**task.train.own, GIVEN: given}))
 
 
-def _write(out: Path, keys: list[Key], record: RunRecord, phases: Phases, finished: bool = False) -> None:
-    cells = list(read_cells_of(out, keys))
-    not_tested = [*record.not_tested, *mixed_hardware(cells), *mixed_sources(cells)]
-    write_run(out, structs.replace(record, phases=phases.seconds(), finished=finished, not_tested=not_tested))
-
-
-def _train(tasks: list[GroupTask], keys: list[Key], record: RunRecord, machine: Machine, show: Progress) -> None:
-    """Train the missing cells of the tasks; add the executor's notices to the record's provenance."""
-    out, origin = tasks[0].out, record.provenance
-    cells = _ended_cells(out, keys)
-    missing = [replace(task, methods=methods) for task in tasks if (methods := missing_methods(task))]
-    elsewhere = stale_cells(cells, origin, out)
-    if elsewhere and (missing or mixed_sources(cells)):
-        show.line(elsewhere)
-    show.start_training(len(keys), sum(len(task.methods) for task in missing))
-    for event in _events(missing, machine, origin["commit"], show):
-        if event.notice is not None and event.notice not in (notices := origin.setdefault("notices", [])):
-            notices.append(event.notice)
-        if event.share is not None:
-            show.trained(event.task, event.share)
-            if event.share == 1.0:
-                _compare(out, keys, record)
-    drop_folder(out)
-
-
-def _score_guests(plan: Plan, tasks: list[GroupTask], record: RunRecord, machine: Machine, show: Progress) -> None:
-    """Score the missing guests: Gaussians as they are given, and a method that is trained for scale, on each scene for
-    the baseline's core seconds if these are known.
-    """
-    out, baseline = tasks[0].out, record.roles.baseline
-    _ended_cells(out, plan.guest_cells())
-    due = []
-    for task in (task for task in tasks if task.seed == plan.seeds[0]):
-        path = cell_path(out, task.scene, baseline, task.seed)
-        if plan.given:
-            due.append(replace(task, methods=(GIVEN,), budget=Budget(0, None)))
-        if plan.guest and path.exists() and (seconds := read_cell(path).train_core_seconds):
-            due.append(replace(task, methods=(plan.guest,), budget=Budget(None, None, seconds)))
-    for guest in plan.guests:  # one after the other, as both are groups of the same scenes and seed
-        missing = [task for task in due if task.methods == (guest,) and missing_methods(task)]
-        if not missing:
-            continue
-        if guest != GIVEN:
-            show.line(f"training {guest} for scale, on each scene for the core seconds of {baseline}")
-        for _ in _events(missing, machine, record.provenance["commit"], show):
-            pass
-        drop_folder(out)
-
-
 def _ended_cells(out: Path, keys: list[Key]) -> list[CellRecord]:
     """Return the cells that have ended; the records of others are removed, so that they are tried again."""
     ended = []
@@ -182,15 +245,6 @@ def _ended_cells(out: Path, keys: list[Key]) -> list[CellRecord]:
         else:
             cell_path(out, cell.scene, cell.method, cell.seed).unlink()
     return ended
-
-
-def _events(tasks: list[GroupTask], machine: Machine, commit: str, show: Progress) -> Iterator[Event]:
-    for event in run_groups(machine, tasks, commit, run_locally):
-        if event.notice is not None:
-            show.line(event.notice)
-        if event.cell is not None:
-            show.cell(event.cell)
-        yield event
 
 
 def _compare(out: Path, keys: list[Key], record: RunRecord) -> list[CellRecord]:

@@ -177,6 +177,7 @@ class _Queue:
     """The queued and running jobs; each has a journal in the folder of jobs."""
 
     def __init__(self, first: GroupTask, commit: str, at_once: int, given: list[str]) -> None:
+        self.expecting = False
         self.room, self.refusal = at_once, ""
         self._commit, self._lost_any = commit, False
         self._folder = first.out / FOLDER

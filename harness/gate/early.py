@@ -144,7 +144,8 @@ def _first_steps(start: Start, views: ViewSet, kind: Precision) -> Course:
             learner.coarse.amplifier.alpha.fill_(1.2)
             learner.coarse.amplifier.beta.fill_(1.3)
             learner.coarse.density_head.weight.mul_(4.0)
-    batch_at = Batches(train, views.train.rgba, settings.covered_share).stream(STREAM, settings.rays)
+    batches = Batches(train, views.train.rgba, settings.covered_share, settings.contrast_weight)
+    batch_at = batches.stream(STREAM, settings.rays)
     compared = test.all_rays(0).chosen(torch.arange(0, test.width * test.height, PIXELS_APART))
     losses, renders = [], {}
     for _ in steps(learner, batch_at, at_step(kind.steps)):

@@ -167,8 +167,14 @@ def _of_sampling(train: TrainSettings, parts: Mapping[str, Parts]) -> Iterator[s
         yield (
             f"{train.covered_share:.0%} of the rays of a batch go through covered pixels of the training images, or "
             "near them, the same for all methods; the others go anywhere. The loss is the mean over the batch as it "
-            "is, so that the object weighs more in it than in the scores. The paper does not say how its rays are "
-            "chosen."
+            "is, so that the object weighs more in it than in the scores. "
+            + (
+                "Of covered pixels those at edges are drawn more often: in proportion to 1 + "
+                f"{train.contrast_weight:g} times their contrast with their neighbours, relative to its mean. "
+                if train.contrast_weight
+                else ""
+            )
+            + "The paper does not say how its rays are chosen."
         )
 
 

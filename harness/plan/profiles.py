@@ -52,6 +52,7 @@ REDUCED_TRAINING = TrainSettings(
     rendered_bins=64,
     fine_bins=0,
     covered_share=0.8,
+    contrast_weight=3.0,
     **TUNED["soap"],
     warm_up_steps=50,
     average=12.0,
@@ -63,7 +64,7 @@ REDUCED_TRAINING = TrainSettings(
 REDUCED_VIEWS = ViewSettings(
     resolution=100,
     train=100,
-    val=5,
+    val=0,
     test=15,
     spp_train=64,
     spp_test=256,
@@ -121,10 +122,8 @@ PROFILES: dict[str, Plan] = {
         seeds=(0, 1, 2),
         budget=Budget(steps=1000, seconds=None),
         train=REDUCED_TRAINING,
-        score=ScoreSettings(checkpoints=4, earliest=0.125, chunk=2048),
+        score=ScoreSettings(checkpoints=4, earliest=0.125, curve_views=5, chunk=2048),
         views=REDUCED_VIEWS,
-        extras=(Extra(EXPLAINED, EXPLAINING, (0, 1, 2)),),
-        guest="splats",
     ),
     "stress": Plan(
         profile="stress",

@@ -75,7 +75,7 @@ class Plan:
         return tuple(dict.fromkeys(itertools.chain(self.methods, *(extra.methods for extra in self.extras))))
 
     def tasks(self, view_sets: dict[str, Path], machine: "Machine", out: Path) -> list[GroupTask]:
-        """Return the work of every group; `view_sets` maps scene → folder."""
+        """Return the work of the groups of some scenes; `view_sets` maps scene → folder."""
         return [
             GroupTask(
                 scene=scene,
@@ -93,6 +93,7 @@ class Plan:
                 lpips=None if self.lpips is None else Path(self.lpips),
             )
             for (scene, seed), methods in self.groups().items()
+            if scene in view_sets
         ]
 
     def in_float32(self) -> "Plan":

@@ -45,6 +45,10 @@ class TrainSettings:
     fine_bins: int = 128
     covered_share: float = 0.0
     """The share of rays through covered pixels, so that the object weighs more in the loss; the rest are uniform."""
+    contrast_weight: float = 0.0
+    """The weight of a covered pixel's contrast in its chance to be drawn (`harness.training.batches.Batches`): errors
+    are largest at edges.
+    """
     optimiser: OptimiserSettings = field(default_factory=OptimiserSettings)
     learning_rate: float = 5e-4
     last_learning_rate: float = 5e-5

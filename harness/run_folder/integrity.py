@@ -106,7 +106,7 @@ def plan_of_cells(out: Path, plan: Plan) -> list[str]:
 
 
 TRAINED_WITH = (
-    *("network", "rays", "covered_share", "precision"),
+    *("network", "rays", "covered_share", "contrast_weight", "precision"),
     *("learning_rate", "last_learning_rate", "decay", "warm_up_steps", "average"),
 )
 """The training settings that are the same for all scenes of a plan; the others depend on a scene's needs."""

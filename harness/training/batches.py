@@ -1,12 +1,13 @@
 """Pixels → rays of one pinhole camera; (seed, step) → the ray batch that every method gets.
 
 The pixel-centre and axis convention of `CONVENTIONS.md` is implemented only here. Pixels are drawn uniformly, or mostly
-where the images are covered; no method affects the choice.
+where the images are covered and have contrast; no method affects the choice.
 """
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +20,7 @@ from harness.machine.stopwatch import Stopwatch
 from harness.plan.seeds import generator_for
 from scenes.view_sets.image_stack import ImageStack
 from scenes.view_sets.pixels import over_white
-from scenes.view_sets.source import covered_pixels
+from scenes.view_sets.source import contrast, covered_pixels
 
 
 @dataclass(frozen=True)
@@ -118,14 +119,21 @@ class Batch(NamedTuple):
 
 RESIDENT_SHARE = 0.25
 """The maximum share of a GPU's memory for the training images; larger sets are read pixel by pixel."""
+RESIDENT_BYTES = 2**26
+"""The maximum of the processor's memory for them: a hundred images, 230 pixels wide."""
 
 
 class Batches:
-    """Random pixels of all training views, on the device of the cameras; a GPU holds the images if they are small."""
+    """Random pixels of all training views, on the device of the cameras, whose memory holds the images if they are
+    small.
+    """
 
-    def __init__(self, cameras: Cameras, rgba: ImageStack, covered_share: float = 0.0) -> None:
+    def __init__(
+        self, cameras: Cameras, rgba: ImageStack, covered_share: float = 0.0, contrast_weight: float = 0.0
+    ) -> None:
         """Take `rgba` [views, height, width, 4], display colour with straight alpha; raises `ValueError` for another
-        shape. The share `covered_share` of a batch is drawn uniformly from covered pixels and their neighbours.
+        shape. The share `covered_share` of a batch is drawn from covered pixels and their neighbours, each with a
+        chance in proportion to 1 + `contrast_weight` times its contrast, relative to the mean contrast of them all.
         """
         expected = (len(cameras), cameras.height, cameras.width, 4)
         if rgba.shape != expected:
@@ -134,14 +142,31 @@ class Batches:
         self.rgba = rgba
         self.covered_share = covered_share
         self._covered = covered_pixels(rgba) if covered_share else np.zeros(0, dtype=np.int64)
+        self._chances = self._cumulated(contrast_weight) if contrast_weight and len(self._covered) else None
+        """The cumulated chances of the covered pixels; None if they are equal."""
         self._last: tuple[tuple[int | str, int, int], Batch] | None = None
         self._resident: Float[Tensor, "pixels 3"] | None = None
         """The colours over white of all pixels, on the device."""
         device = cameras.camera_to_world.device
+        room: float = RESIDENT_BYTES
         if device.type == "cuda":
             room = RESIDENT_SHARE * torch.cuda.get_device_properties(device).total_memory
-            if 12 * math.prod(rgba.shape[:3]) <= room:
-                self.hold()
+        if 12 * math.prod(rgba.shape[:3]) <= room:
+            self.hold()
+
+    def _cumulated(self, weight: float) -> Float[Tensor, " covered"] | None:
+        """Return the cumulated chances of the covered pixels; None if no pixel has a contrast."""
+        size = math.prod(self.rgba.shape[1:3])
+        ends = np.searchsorted(self._covered, size * np.arange(len(self.rgba) + 1))
+        parts = [
+            contrast(over_white(image)).reshape(-1)[self._covered[first:last] - view * size]
+            for view, (image, (first, last)) in enumerate(zip(self.rgba, pairwise(ends), strict=True))
+        ]
+        contrasts = np.concatenate(parts).astype(np.float64)
+        if not contrasts.any():
+            return None
+        chances = np.cumsum(1.0 + weight * contrasts / contrasts.mean())
+        return torch.from_numpy(chances / chances[-1])
 
     def hold(self) -> None:
         """Copy the colours of all pixels to the device, view by view."""
@@ -175,6 +200,15 @@ class Batches:
             return lambda step: self._drawn(seed, step, count)
         return self.stream(seed, count)
 
+    def _places(self, count: int, generator: torch.Generator) -> Int[Tensor, " pixels"]:
+        """Draw from the covered pixels."""
+        if self._chances is None:
+            return torch.randint(len(self._covered), (count,), generator=generator)
+        # the last chance is 1, which no draw reaches
+        return torch.searchsorted(
+            self._chances, torch.rand(count, generator=generator, dtype=torch.float64), right=True
+        )
+
     def _timed(self, make: Callable[[], Batch]) -> Batch:
         watch = Stopwatch(self.cameras.camera_to_world.device)
         with watch.running():
@@ -191,7 +225,7 @@ class Batches:
         on_object = round(self.covered_share * count) if len(self._covered) else 0
         index = torch.randint(math.prod(self.rgba.shape[:3]), (count - on_object,), generator=generator)
         if on_object:
-            place = torch.randint(len(self._covered), (on_object,), generator=generator)
+            place = self._places(on_object, generator)
             index = torch.cat([torch.from_numpy(self._covered[place.numpy()]), index])
         device = self.cameras.camera_to_world.device
         if self._resident is None:

@@ -40,7 +40,7 @@ def train_group(
     written to the output folder from time to time; resuming a cell from one is reported to `on_notice`.
     """
     device, stream = torch.device(task.device), stream_of(task.scene, task.seed)
-    batches = Batches(evaluate.cameras_of(views, views.train, device), views.train.rgba, task.train.covered_share)
+    batches = _batches(views, task.train, device)
     box, directed = box_of(views, device), needs_view_direction(views)
     floor = evaluate.floor_psnr(views)
     keep_truth(task.out, task.scene, views, task.score.stored_views)
@@ -72,6 +72,11 @@ def train_group(
                     for notice in filter(None, [cell.keep() for cell in active]):
                         on_notice(notice)
         on_progress(sum(min(runner.progress, 1.0) for runner in runners) / len(runners))
+
+
+def _batches(views: ViewSet, settings: TrainSettings, device: torch.device) -> Batches:
+    cameras = evaluate.cameras_of(views, views.train, device)
+    return Batches(cameras, views.train.rgba, settings.covered_share, settings.contrast_weight)
 
 
 def _started(
@@ -140,7 +145,7 @@ def trained_alone(
     settings = for_scene(settings, views)
     directed = needs_view_direction(views)
     learner = learner_for(Job(method, box_of(views, device), settings, budget, stream, device, directed))
-    batches = Batches(evaluate.cameras_of(views, views.train, device), views.train.rgba, settings.covered_share)
+    batches = _batches(views, settings, device)
     in_turns = turns_of(learner) is not None
     batch_at = batches.for_learner(learner.whole_views, stream, settings.rays, in_turns)
     warm_up(learner, batch_at)

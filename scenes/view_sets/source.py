@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.ndimage import maximum_filter
+from scipy.ndimage import maximum_filter, minimum_filter
 
 from scenes.files.errors import InputError
 from scenes.view_sets.formats.transforms import Frames
@@ -189,6 +189,15 @@ def covered_pixels(rgba: ImageStack) -> np.ndarray:
     margin = max(1, round(EDGE * width))
     places = [np.flatnonzero(covered(image[..., 3], margin)) + k * height * width for k, image in enumerate(rgba)]
     return np.concatenate([np.zeros(0, dtype=np.int64), *places])
+
+
+def contrast(colours: np.ndarray) -> np.ndarray:
+    """Return, for each pixel of an image [h, w, channels], the largest difference of a channel within the 3 × 3 pixels
+    around it, [h, w].
+    """
+    around = (3, 3, 1)
+    difference: np.ndarray = (maximum_filter(colours, around) - minimum_filter(colours, around)).max(axis=-1)
+    return difference
 
 
 def hull(
