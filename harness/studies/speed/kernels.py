@@ -1,6 +1,11 @@
 """Questions 4 to 7: rendered views, encodings, quadrature and Mitsuba's variants, compared with the usual forms."""
 
+import json
+import os
 import shutil
+import subprocess
+import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -17,7 +22,6 @@ from baselines.numerics.quadrature import listing4, midpoint
 from harness.execution.ground_truth import sizes_of
 from harness.plan.settings import ViewSettings
 from harness.records.study import Check
-from harness.studies.renderer import printed_rows
 from harness.studies.speed.speed_context import (
     SpeedContext,
     figure,
@@ -35,7 +39,6 @@ from harness.studies.usual_quadrature import running_product, stock_expm1
 from harness.training.lockstep import box_of
 from harness.training.scoring.evaluate import cameras_of, render_view
 from scenes.files.errors import InputError
-from scenes.files.json_object import JsonObject
 from scenes.rendering.variant import VARIANTS, Variant, choose_variant
 
 POINTS = 65536
@@ -166,13 +169,20 @@ def ground_truth(context: SpeedContext) -> Iterator[Check]:
 def seconds_per_view(scene: str, views: ViewSettings, variant: Variant, cache: Path) -> float:
     """Return the mean seconds of the views after the first. Raises `RuntimeError` if the renderer fails."""
     words = [*sizes_of(views), "--variant", variant.name, "--view-sets", str(cache)]
-    moments: list[float] = []
-
-    def on_row(row: JsonObject) -> None:
-        if row.get("done"):
-            moments.append(time.perf_counter())
-
-    code, complaints = printed_rows(["render", scene, *words], on_row, variant.environment())
-    if code or len(moments) < 2:
-        raise RuntimeError(f"rendering {scene} with {variant.name} ended with {code}: {complaints[-500:]}")
+    command = [sys.executable, "-m", "scenes", "render", scene, *words]
+    environment = {**os.environ, **variant.environment()}
+    with (
+        tempfile.TemporaryFile("w+") as complaints,
+        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=complaints, text=True, env=environment) as process,
+    ):
+        assert process.stdout is not None
+        try:
+            moments = [time.perf_counter() for line in process.stdout if json.loads(line).get("done")]
+            code = process.wait()
+        finally:
+            process.kill()
+        complaints.seek(0)
+        if code or len(moments) < 2:
+            told = complaints.read().strip()[-500:]
+            raise RuntimeError(f"rendering {scene} with {variant.name} ended with {code}: {told}")
     return (moments[-1] - moments[0]) / (len(moments) - 1)
