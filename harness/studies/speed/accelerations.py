@@ -34,7 +34,7 @@ def measure(context: SpeedContext) -> Iterator[Check | Table]:
     views, plan = views_of(context), reduced_plan(context)
     batch_at = batches_of(views, context.device).stream(STREAM, plan.train.rays)
     cameras = cameras_of(views, views.test, context.device)
-    base = trained_reduced(context, view_dependent=False)
+    base = trained_reduced(context)
     names = [acceleration.name for acceleration in fields(Accelerations)]
     variants = {"all": Accelerations(), **{name: Accelerations().without((name,)) for name in names}}
     trainers = {name: variant_of(base, context, on) for name, on in {**variants, "none": NO_ACCELERATION}.items()}

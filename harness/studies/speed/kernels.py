@@ -31,8 +31,6 @@ from harness.studies.speed.speed_context import (
     paper_settings,
     ratio,
     reduced_plan,
-    trained_reduced,
-    variant_of,
     views_of,
 )
 from harness.studies.usual_quadrature import running_product, stock_expm1
@@ -110,27 +108,17 @@ def quadrature(context: SpeedContext) -> Iterator[Check]:
 
 
 def rendering(context: SpeedContext) -> Iterator[Check]:
-    """Time the same weights with and without accelerations, and the paper's network with every sample evaluated."""
+    """Time the paper's network with every sample evaluated; question 11 times the reduced profile."""
     views, plan, paper = views_of(context), reduced_plan(context), paper_settings(context)
-    cameras = cameras_of(views, views.test, context.device)
-    # with directions on both sides, as a field without them is a different field
-    on = trained_reduced(context, view_dependent=True)
-    off = variant_of(on, context, NO_ACCELERATION)
-    chunk = plan.score.chunk
-    show = partial(render_view, cameras=cameras, view=len(cameras) // 2, chunk=chunk)
-    seconds = interleaved(
-        {"on": partial(show, on), "off": partial(show, off)}, context.repeats(7), context.synchronise, 0.1
-    )
+    cameras, box = cameras_of(views, views.test, context.device), box_of(views, context.device)
+    plain = replace(paper, precision="float32", accelerations=NO_ACCELERATION)
+    show = partial(render_view, cameras=cameras, view=len(cameras) // 2, chunk=plan.score.chunk)
+    sides = {
+        "on": partial(show, new_trainer(context, paper, box)),
+        "off": partial(show, new_trainer(context, plain, box)),
+    }
+    seconds = interleaved(sides, context.repeats(3), context.synchronise)
     a_view = f"A view of {cameras.width} × {cameras.height}"
-    detail = f"reduced settings after {on.step} steps, {plan.train.precision} on both sides, chunks of {chunk} rays"
-    title = f"{a_view}, accelerations on against off"
-    yield ratio("rendering.reduced", title, seconds["off"], seconds["on"], detail)
-    for name, words in (("on", "all accelerations"), ("off", "none")):
-        yield figure(f"rendering.reduced.{name}.seconds", f"{a_view}, {words}", seconds[name], "s", detail)
-    box = box_of(views, context.device)
-    on = new_trainer(context, paper, box)
-    off = new_trainer(context, replace(paper, precision="float32", accelerations=NO_ACCELERATION), box)
-    seconds = interleaved({"on": partial(show, on), "off": partial(show, off)}, context.repeats(3), context.synchronise)
     detail = f"{paper.network.depth} × {paper.network.width}, {paper.bins} samples per ray, all evaluated"
     title = f"{a_view}, paper's network, {paper.precision} against float32 without accelerations"
     yield ratio("rendering.paper", title, seconds["off"], seconds["on"], detail)

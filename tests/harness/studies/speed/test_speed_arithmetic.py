@@ -18,7 +18,6 @@ from harness.machine.stopwatch import Stopwatch
 from harness.plan.run_plan import Machine
 from harness.records.study import Check
 from harness.studies.speed import throughput, time_to_target
-from harness.studies.speed.growth import exponent
 from harness.studies.speed.kernels import RULES
 from harness.studies.speed.memory import session_bytes
 from harness.studies.speed.speed_context import SpeedContext, batches_of, interleaved
@@ -64,10 +63,6 @@ def test_of_an_emulated_type_only_the_smallest_multiplication_is_timed(
     monkeypatch.setattr(throughput, "interleaved", lambda sides, *_: {name: [seconds] for name in sides})
     context = SpeedContext(tmp_path, tmp_path, tmp_path, True, Progress(), Machine("cpu", 1, 1), 1.0)
     assert list(throughput._matmul_rates(context, 8, torch.float32)) == chunks
-
-
-def test_growth_is_the_slope_of_logarithms() -> None:
-    assert exponent([1.0, 2.0, 4.0], [3.0, 12.0, 24.0]) == pytest.approx((1.5, 1.0, 2.0))
 
 
 @pytest.mark.parametrize("name", ["autograd", "product"])
