@@ -1,4 +1,4 @@
-"""`python -m scenes render | export | integrators | noise | …`: a separate process, which Dr.Jit may end.
+"""`python -m scenes render | export | noise | …`: a separate process, which Dr.Jit may end.
 
 `render` prints one JSON object per line: `{"scene", "done", "total", "kept", "share", "view"}`
 (`scenes.rendering.writer`) after loading and after each view, then `{"scene", "path", "variant", "seconds"}`; for a
@@ -35,11 +35,6 @@ def main(arguments: list[str] | None = None) -> int:
             _export(options)
         elif options.command == "repeats":
             _repeats(options)
-        elif options.command == "integrators":
-            from scenes.rendering.checks import compared
-
-            comparison = compared(options.name, options.resolution, options.views, options.spp, options.variant)
-            print(json.dumps(asdict(comparison)))
         elif options.command == "noise":
             _noise(options)
         else:
@@ -153,11 +148,6 @@ def _parser() -> argparse.ArgumentParser:
     export.add_argument("folder", type=Path, metavar="VIEW_SET", help="a folder or file that --view-set takes")
     export.add_argument("--format", required=True, choices=("nerfstudio", "blender", "npz"))
     export.add_argument("--out", type=Path, required=True, metavar="PATH", help="new folder, or new .npz file")
-    integrators = commands.add_parser("integrators", help="compare path and volpath on a scene, as JSON")
-    integrators.add_argument("name", metavar="NAME")
-    integrators.add_argument("--resolution", type=int, default=100, metavar="PX")
-    integrators.add_argument("--views", type=int, default=4, metavar="N")
-    integrators.add_argument("--spp", type=int, default=64, metavar="N", help="samples per pixel")
     noise = commands.add_parser("noise", help="the noise of stored test views, from new renders, as JSON lines")
     noise.add_argument("folders", type=Path, nargs="+", metavar="DIR", help="rendered view sets")
     noise.add_argument("--repeats", type=int, default=2, metavar="N", help="new renders of each view")
@@ -174,7 +164,7 @@ def _parser() -> argparse.ArgumentParser:
     sheet.add_argument("names", nargs="*", metavar="NAME", help="default: the eight classics")
     sheet.add_argument("--resolution", type=int, default=400, metavar="PX")
     sheet.add_argument("--spp", type=int, default=256, metavar="N")
-    for command in (render, integrators, noise, repeats, sheet):
+    for command in (render, noise, repeats, sheet):
         command.add_argument("--variant", help="Mitsuba variant (default: the fastest that works)")
     return parser
 

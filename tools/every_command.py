@@ -49,7 +49,6 @@ python -m scenes render --scene-file docs/examples/my_scene.py --resolution 16 -
 python -m harness run --profile smoke --scene-file docs/examples/my_scene.xml {tiny} {claim} --out {here}/own {sets}
 python -m harness run --profile smoke --scenes lego --methods splats --seeds 1 {few} --out {here}/splats {sets}
 python -m harness splats {here}/splats --scene lego --to {here}/lego.ply
-python -m scenes integrators glass --resolution 8 --views 1 --spp 2
 python -m scenes noise {here}/sets/{set} --repeats 1
 python -m scenes repeats {here}/repeats lego --resolution 8 --spp 2 --count 2
 python -m scenes sheet {here}/sheet.png lego --resolution 16 --spp 2

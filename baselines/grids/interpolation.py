@@ -33,6 +33,35 @@ def _cell(x: float, cells: int) -> tuple[int, np.float32]:
     return cell, at - np.float32(cell)
 
 
+@njit(inline="always")
+@no_type_check
+def _on_plane(planes: np.ndarray, plane: int, i: int, u: float, j: int, v: float, c: int) -> float:
+    along_0 = (ONE - v) * planes[plane, i, j, c] + v * planes[plane, i, j + 1, c]
+    along_1 = (ONE - v) * planes[plane, i + 1, j, c] + v * planes[plane, i + 1, j + 1, c]
+    return (ONE - u) * along_0 + u * along_1
+
+
+@njit(inline="always")
+@no_type_check
+def _sum_on_plane(planes: np.ndarray, plane: int, i: int, u: float, j: int, v: float, c: int) -> float:
+    """Return `_on_plane`, rounded as `_add_to_plane` weights the four nodes."""
+    return (
+        (ONE - u) * (ONE - v) * planes[plane, i, j, c]
+        + (ONE - u) * v * planes[plane, i, j + 1, c]
+        + u * (ONE - v) * planes[plane, i + 1, j, c]
+        + u * v * planes[plane, i + 1, j + 1, c]
+    )
+
+
+@njit(inline="always")
+@no_type_check
+def _add_to_plane(total: np.ndarray, plane: int, i: int, u: float, j: int, v: float, c: int, slope: float) -> None:
+    total[plane, i, j, c] += (ONE - u) * (ONE - v) * slope
+    total[plane, i, j + 1, c] += (ONE - u) * v * slope
+    total[plane, i + 1, j, c] += u * (ONE - v) * slope
+    total[plane, i + 1, j + 1, c] += u * v * slope
+
+
 @njit(cache=True, error_model="numpy", nogil=True)
 @no_type_check
 def _planes_forward(x: np.ndarray, planes: np.ndarray, out: np.ndarray, first: int) -> None:
@@ -42,16 +71,8 @@ def _planes_forward(x: np.ndarray, planes: np.ndarray, out: np.ndarray, first: i
         j, v = _cell(x[point, 1], cells)
         k, w = _cell(x[point, 2], cells)
         for c in range(PLANE_CHANNELS):
-            xy = (ONE - u) * ((ONE - v) * planes[0, i, j, c] + v * planes[0, i, j + 1, c]) + u * (
-                (ONE - v) * planes[0, i + 1, j, c] + v * planes[0, i + 1, j + 1, c]
-            )
-            xz = (ONE - u) * ((ONE - w) * planes[1, i, k, c] + w * planes[1, i, k + 1, c]) + u * (
-                (ONE - w) * planes[1, i + 1, k, c] + w * planes[1, i + 1, k + 1, c]
-            )
-            yz = (ONE - v) * ((ONE - w) * planes[2, j, k, c] + w * planes[2, j, k + 1, c]) + v * (
-                (ONE - w) * planes[2, j + 1, k, c] + w * planes[2, j + 1, k + 1, c]
-            )
-            out[point, first + c] = xy * xz * yz
+            xy, xz = _on_plane(planes, 0, i, u, j, v, c), _on_plane(planes, 1, i, u, k, w, c)
+            out[point, first + c] = xy * xz * _on_plane(planes, 2, j, v, k, w, c)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -63,42 +84,13 @@ def _planes_backward(x: np.ndarray, planes: np.ndarray, gradient: np.ndarray, to
         i, u = _cell(x[point, 0], cells)
         j, v = _cell(x[point, 1], cells)
         k, w = _cell(x[point, 2], cells)
-        u0v0, u0v1, u1v0, u1v1 = (ONE - u) * (ONE - v), (ONE - u) * v, u * (ONE - v), u * v
-        u0w0, u0w1, u1w0, u1w1 = (ONE - u) * (ONE - w), (ONE - u) * w, u * (ONE - w), u * w
-        v0w0, v0w1, v1w0, v1w1 = (ONE - v) * (ONE - w), (ONE - v) * w, v * (ONE - w), v * w
         for c in range(PLANE_CHANNELS):
-            xy = (
-                u0v0 * planes[0, i, j, c]
-                + u0v1 * planes[0, i, j + 1, c]
-                + u1v0 * planes[0, i + 1, j, c]
-                + u1v1 * planes[0, i + 1, j + 1, c]
-            )
-            xz = (
-                u0w0 * planes[1, i, k, c]
-                + u0w1 * planes[1, i, k + 1, c]
-                + u1w0 * planes[1, i + 1, k, c]
-                + u1w1 * planes[1, i + 1, k + 1, c]
-            )
-            yz = (
-                v0w0 * planes[2, j, k, c]
-                + v0w1 * planes[2, j, k + 1, c]
-                + v1w0 * planes[2, j + 1, k, c]
-                + v1w1 * planes[2, j + 1, k + 1, c]
-            )
+            xy, xz = _sum_on_plane(planes, 0, i, u, j, v, c), _sum_on_plane(planes, 1, i, u, k, w, c)
+            yz = _sum_on_plane(planes, 2, j, v, k, w, c)
             g = gradient[point, first + c]
-            to_xy, to_xz, to_yz = g * xz * yz, g * xy * yz, g * xy * xz
-            total[0, i, j, c] += u0v0 * to_xy
-            total[0, i, j + 1, c] += u0v1 * to_xy
-            total[0, i + 1, j, c] += u1v0 * to_xy
-            total[0, i + 1, j + 1, c] += u1v1 * to_xy
-            total[1, i, k, c] += u0w0 * to_xz
-            total[1, i, k + 1, c] += u0w1 * to_xz
-            total[1, i + 1, k, c] += u1w0 * to_xz
-            total[1, i + 1, k + 1, c] += u1w1 * to_xz
-            total[2, j, k, c] += v0w0 * to_yz
-            total[2, j, k + 1, c] += v0w1 * to_yz
-            total[2, j + 1, k, c] += v1w0 * to_yz
-            total[2, j + 1, k + 1, c] += v1w1 * to_yz
+            _add_to_plane(total, 0, i, u, j, v, c, g * xz * yz)
+            _add_to_plane(total, 1, i, u, k, w, c, g * xy * yz)
+            _add_to_plane(total, 2, j, v, k, w, c, g * xy * xz)
 
 
 class Multiplied(torch.autograd.Function):

@@ -28,6 +28,7 @@ from harness.training.learner import Job, at_step, steps
 from harness.training.lockstep import box_of
 from harness.training.scoring import evaluate
 from harness.training.trainer import Trainer
+from harness.verdicts.judging.two_runs import flat
 from scenes.view_sets.view_set import ViewSet
 
 STEPS = 24
@@ -177,17 +178,7 @@ def deviation(new: Course, stored: Course) -> tuple[float | None, str]:
 
 def profile_settings() -> dict[str, object]:
     """Return the settings of budget, training, scores and views of the profiles `reduced` and `full`, one by one."""
-    settings: dict[str, object] = {}
-
-    def walk(name: str, value: object) -> None:
-        if isinstance(value, dict):
-            for key, inner in value.items():
-                walk(f"{name}.{key}", inner)
-        else:
-            settings[name] = value
-
-    for profile in ("reduced", "full"):
-        for part in ("budget", "train", "score", "views"):
-            walk(f"{profile}.{part}", PROFILES[profile].settings()[part])
-    as_stored: dict[str, object] = json.loads(json.dumps(settings))
+    parts = {name: PROFILES[name].settings() for name in ("reduced", "full")}
+    asked = {name: {part: of[part] for part in ("budget", "train", "score", "views")} for name, of in parts.items()}
+    as_stored: dict[str, object] = json.loads(json.dumps(dict(flat(asked))))
     return as_stored

@@ -14,8 +14,8 @@ from harness.training.batches import Camera
 from harness.training.learner import Learner
 from harness.training.scoring.evaluate import View, pixel_order
 
-Order = Literal["attention", "raster", "spread"]
-"""Regions by decreasing priority (Eq. 7), row by row, or pixels of all in a fixed random order, one part per region."""
+Order = Literal["attention", "raster"]
+"""Regions by decreasing priority (Eq. 7), or row by row."""
 LEAST_RAYS = 1024
 """The minimum number of rays per chunk, which small regions share: on one processor thread, chunks of 100 rays were six
 times as slow as 2048, and those of 1024 rays 1.3 times (reduced profile, 100 × 100 pixels).
@@ -127,11 +127,8 @@ def refine(
     attended = checked(attention, regions.count)
     if why_plain(learner) or (order == "attention" and is_equal(attended)):
         return _plain(learner, camera, chunk)
-    if order == "spread":
-        parts = np.array_split(pixel_order(camera.width * camera.height).numpy(), regions.count)
-    else:
-        sequence = region_order(attended) if order == "attention" else np.arange(regions.count)
-        parts = [regions.pixels(region) for region in sequence.tolist()]
+    sequence = region_order(attended) if order == "attention" else np.arange(regions.count)
+    parts = [regions.pixels(region) for region in sequence.tolist()]
     return _by_parts(learner, camera, parts, min(chunk, least_rays), chunk)
 
 

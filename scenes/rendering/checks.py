@@ -1,8 +1,6 @@
-"""Cost and look of scenes: a comparison of integrators, repeated renders of one view, a contact sheet."""
+"""The look of scenes: repeated renders of one view, a contact sheet."""
 
-import time
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,59 +11,7 @@ from scenes.rendering.render import LoadedScene, render_views, seed_from
 from scenes.rendering.store import LARGEST_SPP, check_resolution
 from scenes.rendering.variant import choose_variant
 from scenes.view_sets.pixels import display_from_linear, over_white
-from scenes.view_sets.viewpoints import TILT, all_poses, camera_to_world, poses_on_sphere
-
-INTEGRATORS = ("path", "volpath")
-BLOCK = 8
-"""The pixels along each side of a compared block: the noise of a single pixel exceeds any relevant difference."""
-
-
-@dataclass(frozen=True)
-class Comparison:
-    scene: str
-    seconds: dict[str, float]
-    """The seconds of rendering all views, by integrator, without compilation."""
-    samples: int
-    """The number of camera paths of all views together, per integrator."""
-    squared: list[float]
-    """The squared difference of each view's mean display colours in blocks, less noise: unbiased, so it can be < 0."""
-
-
-def compared(scene_name: str, resolution: int, views: int, spp: int, variant: str | None = None) -> Comparison:
-    """Compare integrators, which take turns in going first. Raises `InputError` for what cannot be rendered."""
-    scene = scene_named(scene_name)
-    check_resolution(resolution)
-    if views < 1:
-        raise InputError(f"--views {views}: choose 1 or more")
-    if spp < 2:
-        raise InputError(f"--spp {spp}: two halves are needed to subtract the noise; choose 2 or more")
-    poses = camera_to_world("test", scene.view_from, views)
-    chosen = choose_variant(variant)
-    loaded = {name: LoadedScene.of(scene, chosen, resolution, integrator=name) for name in INTEGRATORS}
-    for renderer in loaded.values():
-        renderer.colour(poses[0], spp, seed_from("warm-up"))
-    seconds = dict.fromkeys(INTEGRATORS, 0.0)
-    squared = []
-    for number, pose in enumerate(poses):
-        halves = {}
-        for name in INTEGRATORS if number % 2 else reversed(INTEGRATORS):
-            began = time.perf_counter()
-            images = [loaded[name].colour(pose, spp // 2, seed_from(scene_name, number, name, half)) for half in "ab"]
-            seconds[name] += time.perf_counter() - began
-            halves[name] = [in_blocks(over_white(display_from_linear(image))) for image in images]
-        (a, b), (c, d) = halves["path"], halves["volpath"]
-        # two independent estimates of one difference: the mean of their product is its square, without noise
-        squared.append(float(np.mean((a - c) * (b - d))))
-    return Comparison(scene_name, seconds, views * resolution**2 * (spp // 2 * 2), squared)
-
-
-def in_blocks(image: np.ndarray) -> np.ndarray:
-    """Return the means [rows, columns, 3] of an image [h, w, 3] over complete blocks of `BLOCK` pixels."""
-    side = min(BLOCK, *image.shape[:2])
-    rows, columns = (size // side for size in image.shape[:2])
-    covered = image[: rows * side, : columns * side].astype(np.float64)
-    means: np.ndarray = covered.reshape(rows, side, columns, side, 3).mean(axis=(1, 3))
-    return means
+from scenes.view_sets.viewpoints import TILT, all_poses, poses_on_sphere
 
 
 def repeated(

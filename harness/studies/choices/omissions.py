@@ -1,34 +1,29 @@
 """What leaving a part out does to scores and clocks: cells trained with and without it, everything else equal
 (`python -m harness study omissions`, `run --verify-omissions`).
 
-What concerns only rendering is judged on one set of weights, rendered both ways; the volumetric integrator is judged on
-renders of the scene itself.
+What concerns only rendering is judged on one set of weights, rendered both ways.
 """
 
-import json
-import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from statistics import fmean
 from typing import Literal
 
-import numpy as np
 from msgspec import structs
 
 from baselines.amplifiers import AMPLIFIERS
 from baselines.catalog import CATALOG
 from baselines.composition import LADDERS
 from harness.execution.executors import device_here
-from harness.execution.ground_truth import read_views, scenes_output
+from harness.execution.ground_truth import read_views
 from harness.execution.progress import Progress
 from harness.plan.needed import needs_here, pixels_across
 from harness.plan.run_plan import Machine, Plan
 from harness.records.cells import CellRecord, LeftOut, SceneRecord
 from harness.run_folder.earlier_run import UNMEASURED
 from harness.studies.choices.arms import PLANNED, Arm, CellArms, CellTask, trained_cells, weigh
-from harness.verdicts.statistics import PairedDifference, paired_difference
-from scenes.files.json_object import JsonObject
+from harness.verdicts.statistics import PairedDifference
 from scenes.modelling.needs import PARTS, Unit, needs_of, useful_bands
 from scenes.view_sets.view_set import ViewSet
 
@@ -54,9 +49,6 @@ CONTROLS = {
 """An arm that leaves out what a run keeps → its need, and what it leaves out if that is more. The effect of the first
 may need long training to show; the last must show a cost, or the measurement could show none.
 """
-INTEGRATOR_VIEWS = 6
-INTEGRATOR_SPP = 64
-"""The minimum number of samples: with fewer, noise is larger than the bound."""
 
 
 @dataclass(frozen=True)
@@ -67,14 +59,14 @@ class Omission:
     method: str
     name: str
     seconds_saved: float | None
-    """The mean over seeds of the core seconds that `clock` names; for `participating_media`, seconds of rendering."""
+    """The mean over seeds of the core seconds that `clock` names."""
     clock: str
     difference: float | None
     """In dB, the test PSNR without the part minus that with it: a value below 0 is a loss. For colours, the largest
-    change; for the integrators, the root mean square over blocks of pixels.
+    change.
     """
     interval: tuple[float, float] | None
-    """The 95 % interval over seeds (views for `participating_media`); None for the largest value over seeds."""
+    """The 95 % interval over seeds; None for the largest value over seeds."""
     pairs: int
     diverged: int
     verdict: Verdict
@@ -126,13 +118,8 @@ def verified(
             for name, arm in cell.ended.items()
         )
         say(f"{cell.scene} {cell.method} seed {cell.seed}: {', '.join(scores)}")
-    omissions = omissions_of(cells)
-    for scene in folders:
-        need = needs_of(views[scene]).get("participating_media")
-        # not for a view set or a scene of the user
-        if not plan.view_set and not plan.scene_file and need is not None and not need.needed:
-            omissions.append(_of_integrator(plan, scene))
-    return sorted(omissions, key=lambda omission: list(folders).index(omission.scene)), controls_of(cells)
+    omissions = sorted(omissions_of(cells), key=lambda omission: list(folders).index(omission.scene))
+    return omissions, controls_of(cells)
 
 
 def verify_run(
@@ -321,38 +308,4 @@ def _of_rendering(cells: list[CellArms], name: str) -> Omission:
         pairs=len(again),
         diverged=len(cells) - len(again),
         verdict="within its bound" if largest <= PARTS[name].bound else "costs more",
-    )
-
-
-def _of_integrator(plan: Plan, scene: str) -> Omission:
-    views = plan.views
-    samples = round(fmean(views.samples()) * views.resolution**2)
-    count, spp = min(INTEGRATOR_VIEWS, views.test), max(views.spp_test, INTEGRATOR_SPP)
-    return omission_of_integrators(compared_integrators(scene, views.resolution, count, spp), samples)
-
-
-def compared_integrators(scene: str, resolution: int, views: int, spp: int) -> dict[str, object]:
-    """Return `scenes.rendering.checks.Comparison` as plain data, from a separate process. Raises `InputError`."""
-    output = scenes_output("integrators", scene, resolution=resolution, views=views, spp=spp)
-    comparison: JsonObject = json.loads(output.splitlines()[-1])
-    return comparison
-
-
-def omission_of_integrators(comparison: JsonObject, samples: int) -> Omission:
-    """Return the omission, with its seconds scaled to the `samples` of a complete view set."""
-    seconds = comparison["seconds"]["volpath"] - comparison["seconds"]["path"]
-    squares = paired_difference(np.array(comparison["squared"]))
-    # an unbiased estimate of a square may lie below 0 by chance
-    mean, *ends = (math.sqrt(max(square, 0.0)) for square in (squares.mean, *(squares.interval or ())))
-    return Omission(
-        comparison["scene"],
-        "",
-        "participating_media",
-        seconds_saved=seconds * samples / comparison["samples"],
-        clock="rendering the view set",
-        difference=mean,
-        interval=(ends[0], ends[1]) if ends else None,
-        pairs=squares.units,
-        diverged=0,
-        verdict=verdict_on(squares, PARTS["participating_media"].bound ** 2),
     )

@@ -1,60 +1,24 @@
 """A study of whether the PSNR ceiling that a view set states agrees with independent renders."""
 
+import json
 import math
 import statistics
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from harness.execution.ground_truth import view_set_folders
+from harness.execution.ground_truth import scenes_output, view_set_folders
 from harness.records.study import Table, check
 from harness.studies.evidence.evidence_context import EvidenceContext
 from harness.studies.framework import Found, Rows
-from harness.studies.renderer import printed_rows
 from harness.training.scoring.metrics import psnr_from_mse
 from harness.verdicts.statistics import critical
 from scenes.catalog.entries import CLASSICS
-from scenes.files.errors import InputError
-from scenes.files.json_object import JsonObject
 
-PrintedRows = dict[str, list[JsonObject]]
 TOLERANCE_DB = 0.1
 TRAINING = "objections"
 """The training whose view sets are examined, with those of the other classics at the same settings."""
 REPEATS = 2
 """The number of renders in addition to the stored one."""
-
-
-def noise_rows(
-    items: Sequence[str],
-    options: Sequence[str] = (),
-    show: Callable[[str], None] = lambda line: None,
-    module: str = "scenes",
-) -> PrintedRows:
-    """Return all rows of each of `items`, in order; `show` gets a line per item.
-
-    If a signal ends the process, the unfinished item and those after it are rendered with `scalar_rgb`. Raises
-    `InputError` with the renderer's message for wrong input, and `RuntimeError` if it fails otherwise.
-    """
-    rows: PrintedRows = {}
-
-    def on_row(row: JsonObject) -> None:
-        if row["item"] not in rows:
-            show(f"rendering {row['scene']} ({len(rows) + 1} of {len(items)})")
-        rows.setdefault(row["item"], []).append(row)
-
-    code, complaints = printed_rows(["noise", *items, *options], on_row, module=module)
-    if code < 0:
-        show(f"rendering was ended by signal {-code}; continuing with scalar_rgb")
-        if rows:
-            rows.popitem()
-        rest = [item for item in items if item not in rows]
-        words = ["noise", *rest, *options, "--variant", "scalar_rgb"]
-        code, complaints = printed_rows(words, on_row, module=module)
-    if code == 2:
-        raise InputError(complaints.removeprefix("scenes: "))
-    if code:
-        raise RuntimeError(f"rendering ended with exit code {code}: {complaints[-2000:]}")
-    return rows
 
 
 @dataclass(frozen=True)
@@ -93,13 +57,12 @@ def agreement(scene: str, stated: Sequence[float], again: Sequence[float], halve
 def ceilings(context: EvidenceContext) -> Iterator[Found]:
     plan = replace(context.plan(TRAINING), scenes=tuple(CLASSICS)[: 2 if context.quick else None])
     folders = view_set_folders(plan, context.view_sets, context.show)
-    items = [str(folders[name]) for name in plan.scenes]
-    rows = noise_rows(items, ["--repeats", str(REPEATS)], context.show.line)
-    agreements = [
-        agreement(name, *([row[key] for row in rows[item]] for key in ("stored", "again", "halves")))
-        for name, item in zip(plan.scenes, items, strict=True)
-    ]
-    sample = rows[items[0]][0]
+    agreements, rows = [], []
+    for number, name in enumerate(plan.scenes):
+        context.show.line(f"rendering {name} ({number + 1} of {len(plan.scenes)})")
+        rows = [json.loads(line) for line in scenes_output("noise", str(folders[name]), repeats=REPEATS).splitlines()]
+        agreements.append(agreement(name, *([row[key] for row in rows] for key in ("stored", "again", "halves"))))
+    sample = rows[0]
     yield from judge(agreements)
     yield (
         f"Stored and new images have {sample['spp']} samples per pixel, in two halves each, and are compared in the "

@@ -6,7 +6,6 @@ import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any, TypeVar
 
 import numpy as np
 from msgspec import structs
@@ -63,8 +62,6 @@ class ServingContext(StudyContext):
     width: int
     gaps: list[Check] = field(default_factory=list)
     """What the current study had to leave out, and why."""
-    memory: dict[str, Any] = field(default_factory=dict)
-    """Results that later studies reuse, by name."""
     _cells: dict[tuple[str, str, int], TrainedCell | None] = field(default_factory=dict)
 
     def settings(self) -> dict[str, object]:
@@ -156,16 +153,9 @@ def plain(learner: Learner, camera: Camera, chunk: int) -> View:
     return render_view(learner, camera.cameras(learner.device), 0, chunk)
 
 
-Result = TypeVar("Result")
 Clock = Callable[[], float]
 """Seconds that never decrease."""
 CLOCK: Clock = time.perf_counter
-
-
-def timed(call: Callable[[], Result], clock: Clock = CLOCK) -> tuple[Result, float]:
-    began = clock()
-    result = call()
-    return result, clock() - began
 
 
 def brief(seconds: float) -> str:

@@ -23,7 +23,7 @@ from harness.studies.framework import Study, StudyContext
 from harness.studies.speed.questions import QUICK_SECONDS
 from harness.training.batches import Batch, Batches
 from harness.training.learner import Job, at_step, train, warm_up
-from harness.training.lockstep import box_of, needs_view_direction
+from harness.training.lockstep import box_of
 from harness.training.scoring.evaluate import cameras_of
 from harness.training.trainer import Trainer
 from scenes.view_sets.view_set import ViewSet
@@ -248,11 +248,10 @@ def new_trainer(
     return Trainer(Job("nerf", box, settings, budget or Budget(None, None), STREAM, context.device, view_dependent))
 
 
-def trained_reduced(context: SpeedContext, view_dependent: bool | None = None) -> Trainer:
-    """Return the reduced profile's NeRF on `SCENE`, trained far enough that empty space is skipped."""
+def trained_reduced(context: SpeedContext) -> Trainer:
+    """Return the reduced profile's NeRF on `SCENE`, trained without directions until empty space is skipped."""
     plan, views = reduced_plan(context), views_of(context)
-    directed = needs_view_direction(views) if view_dependent is None else view_dependent
-    trainer = new_trainer(context, plan.train, box_of(views, context.device), directed, plan.budget)
+    trainer = new_trainer(context, plan.train, box_of(views, context.device), False, plan.budget)
     batch_at = batches_of(views, context.device).stream(STREAM, plan.train.rays)
     warm_up(trainer, batch_at)
     return train(trainer, batch_at, at_step(plan.train.grid.first_step + (10 if context.quick else 300)))

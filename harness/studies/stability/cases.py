@@ -119,9 +119,6 @@ CASES: dict[str, Study] = catalogue(
     _case("L1", "Ladders", "whole_scenes.ladder_cases:ladders", 240,
           "scenes that get harder rung by rung: frequency, thinness, density, dynamic range, scale",
           "every method breaks at some rung", "rendered ground truth"),
-    _case("N1", "What a scene does not need", "whole_scenes.ladder_cases:omissions", 120,
-          "cells trained with and without each omission", "an omission that costs more than it saves",
-          "the same cell without omissions"),
 )
 # fmt: on
 

@@ -138,19 +138,20 @@ def _refuse_other_plans(runs: list[RunRecord], cells: list[dict[Key, CellRecord]
             raise InputError(f"{where}: {name} {', '.join(sides[0])} against {', '.join(sides[1])}; {remedy}")
     if alone := sorted(cells[0].keys() ^ cells[1].keys()):
         raise InputError(f"{where}: {' '.join(map(str, alone[0]))} is in only one of them; finish both with --resume")
-    settings = [dict(_flat(run.settings)) for run in runs]
+    settings = [dict(flat(run.settings)) for run in runs]
     for name in sorted(settings[0].keys() | settings[1].keys()):
         values = [side.get(name) for side in settings]
         if values[0] != values[1] and not any(word in name for word in OF_THE_MACHINE):
             raise InputError(f"{where}: {name} is {values[0]} against {values[1]}; {remedy}")
 
 
-def _flat(value: object, name: str = "") -> Iterable[tuple[str, object]]:
+def flat(value: object, name: str = "") -> Iterable[tuple[str, object]]:
+    """Yield the settings in nested objects one by one, with names joined by dots."""
     if not isinstance(value, dict):
         yield name, value
         return
     for key, inner in value.items():
-        yield from _flat(inner, f"{name}.{key}".strip("."))
+        yield from flat(inner, f"{name}.{key}".strip("."))
 
 
 def _named(cell: CellRecord) -> str:

@@ -97,10 +97,8 @@ def test_every_pixel_comes_once_with_one_part_a_region(nerf: Learner, order: Any
     shares = np.cumsum([len(done.pixels) for done in parts]) / (18 * 22)
     assert [done.share for done in parts] == shares.tolist()
     assert parts[-1].share == 1.0
-    if order != "spread":
-        regions = region_order(ATTENTION) if order == "attention" else range(REGIONS.count)
-        expected = [REGIONS.pixels(int(region)).tolist() for region in regions]
-        assert [done.pixels.tolist() for done in parts] == expected
+    regions = region_order(ATTENTION) if order == "attention" else range(REGIONS.count)
+    assert [done.pixels.tolist() for done in parts] == [REGIONS.pixels(int(region)).tolist() for region in regions]
 
 
 class Watched:

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from scenes.files.errors import InputError
-from scenes.modelling.scene import Description
+from scenes.modelling.scene import Description, Scene
 from scenes.modelling.solids import ball, box, mesh
 from scenes.modelling.truth import pixel_rays
-from scenes.rendering.render import RenderedView, RenderError, even_spp, render_views, seed_from
+from scenes.rendering.render import LoadedScene, RenderedView, RenderError, even_spp, render_views, seed_from
 from scenes.rendering.variant import Variant
 from scenes.view_sets.pixels import display_from_linear, over_white
 from scenes.view_sets.viewpoints import FOV_X_RADIANS, RADIUS, all_poses, poses_on_sphere
@@ -156,6 +156,30 @@ def test_the_stated_variance_is_the_variance(scalar: Variant, description: Descr
     z = (mean - truth.rgba)[noisy][:, :3] / np.sqrt(stated[noisy][:, :3] / 40)
     assert abs(z.mean()) < 4 / np.sqrt(z.size)  # no bias
     assert z.std() == pytest.approx(1.0, abs=0.2)
+
+
+def test_without_media_both_integrators_give_the_same_light(scalar: Variant) -> None:
+    """What needs no volumetric integrator is rendered by `path`, without bias. The mean product of two independent
+    differences is the square of the true one, without noise.
+    """
+    description = {
+        "sky": WHITE_SKY,
+        "a": sphere(0.8, {"type": "conductor"}),
+        "b": sphere(0.5, grey(0.6), (0.9, 0, 0.9)),
+    }
+    scene = Scene("test", "A test scene", lambda: description)
+
+    def squared(scale: float) -> float:
+        halves = {}
+        for name in ("path", "volpath"):
+            loaded = LoadedScene(scene, description, scalar, 16, 16, name)
+            images = [loaded.colour(all_poses("test")[3], 64, seed_from(name, half)) for half in "ab"]
+            shown = [over_white(display_from_linear(scale * image if name == "path" else image)) for image in images]
+            halves[name] = [image.astype(np.float64).reshape(4, 4, 4, 4, 3).mean(axis=(1, 3)) for image in shown]
+        (a, b), (c, d) = halves["path"], halves["volpath"]
+        return float(np.mean((a - c) * (b - d)))
+
+    assert squared(1.0) < 2e-3**2 < squared(0.97), "a bias of 3 % would be seen"
 
 
 def test_every_view_has_a_seed_of_its_own() -> None:

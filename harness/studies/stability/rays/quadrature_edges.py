@@ -18,8 +18,8 @@ from harness.records.study import check
 from harness.studies.framework import Found
 from harness.studies.stability.rays.exact_rays import OURS, FunctionField, owner_of
 from harness.studies.stability.rays.quadrature_rounding import badness
+from harness.studies.stability.rays.usual_quadrature import running_product
 from harness.studies.stability.stability_context import StabilityContext, error_of, none_of
-from harness.studies.usual_quadrature import running_product
 
 NEAR, FAR, BINS = 2.0, 6.0, 64
 BACKGROUND = torch.tensor([0.25, 0.5, 1.0])

@@ -12,7 +12,6 @@ from baselines.numerics.quadrature import QUADRATURES
 from baselines.numerics.sampling import inverse_cdf_edges, uniform_edges
 from harness.records.study import Owner, Series, check
 from harness.studies.framework import Found
-from harness.studies.power_laws import fitted_power
 from harness.studies.stability.rays.exact_rays import (
     MOST_SLOPE,
     Profile,
@@ -64,7 +63,8 @@ def fitted_order(errors: list[float], counts: tuple[int, ...]) -> float | None:
     seen = [(count, error) for count, error in zip(counts, errors, strict=True) if error > FLOOR]
     if len(seen) < 3:
         return None
-    return -fitted_power(*zip(*seen, strict=True))[0]
+    count, error = np.log(seen).T
+    return -float(np.polyfit(count, error, 1)[0])
 
 
 def orders(context: StabilityContext) -> Iterator[Found]:

@@ -12,8 +12,8 @@ from baselines.numerics.quadrature import QUADRATURES
 from harness.records.study import Check, Owner, Series, check
 from harness.studies.framework import Found
 from harness.studies.stability.rays.exact_rays import DIGITS, OURS, colour, weights_in_digits
+from harness.studies.stability.rays.usual_quadrature import depths, running_product, stock_expm1
 from harness.studies.stability.stability_context import StabilityContext, error_of
-from harness.studies.usual_quadrature import depths, running_product, stock_expm1
 
 SHADE = 0.75
 """The colour of the homogeneous ray, exact in every precision."""

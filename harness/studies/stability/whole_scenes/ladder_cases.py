@@ -1,4 +1,4 @@
-"""L1 and N1: the rung of each ladder at which a method breaks, and the cost of omissions, trained with and without.
+"""L1: the rung of each ladder at which a method breaks.
 
 A method breaks if it has no scores (diverged, failed) or explains less than half of the variance of the picture. Where
 the appearance of a surface is hard, the variance is that within its silhouette, which every method learns; where the
@@ -7,18 +7,12 @@ as broken: a ball of fog looks the same from every side, and its copies are perf
 """
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from harness.execution.ground_truth import view_set_folders
-from harness.plan.profiles import PROFILES
-from harness.plan.run_plan import Plan
-from harness.plan.schedule import Budget
 from harness.records.cells import CellRecord
-from harness.records.study import Check, Series, Status, check
-from harness.studies.choices.omissions import Omission, compared_integrators, omission_of_integrators, verified
+from harness.records.study import Check, Series, check
 from harness.studies.framework import Found
 from harness.studies.stability.stability_context import StabilityContext, owner_of_method
 from harness.studies.stability.whole_scenes.scene_truth import (
@@ -109,82 +103,3 @@ def outcome_of(ladder: Ladder, run: SceneRun, method: str, climbed: list[RungSco
     count = rungs_climbed(climbed)
     why = f"at {ladder.values[count]:g} {ladder.unit} it {climbed[count].broken}" if count < len(climbed) else ""
     return check(what, float(count), low=float(LEAST_RUNGS[ladder.name]), why=why, subject=method, owner=owner)
-
-
-SCENES = ("materials", "tiny")
-"""A scene with mirrors, on which the controls are tried, and a Lambertian scene, which needs no view direction."""
-FOG = "fog_dense"
-STEPS, SEEDS = 300, (0, 1, 2)
-FOG_VIEWS, FOG_PIXELS, FOG_SPP = 3, 24, 16
-
-
-def omissions(context: StabilityContext) -> Iterator[Found]:
-    plan = _plan(context)
-    folders = view_set_folders(plan, context.view_sets, context.show)
-    omitted, controls = verified(
-        plan, folders, context.scratch, context.machine.workers, context.show.line, controls=not context.quick
-    )
-    for name in dict.fromkeys(omission.name for omission in omitted):
-        yield _worst([omission for omission in omitted if omission.name == name])
-    bands = [control for control in controls if control.name == "high_bands"]
-    # a short training needs no bands above the Nyquist limit; the control is a network without any bands
-    if beyond := [control for control in bands if not control.what]:
-        yield _worst(beyond)
-    yield from (_control(control) for control in bands if control.what)
-    fog = omission_of_integrators(compared_integrators(FOG, FOG_PIXELS, FOG_VIEWS, FOG_SPP), FOG_PIXELS**2)
-    yield _control(replace(fog, what=f"volumetric integrator on {FOG}"))
-
-
-def _plan(context: StabilityContext) -> Plan:
-    """Return a plan with the views of the smoke profile and the training of the reduced profile.
-
-    In the steps of the smoke profile, skipping empty space costs more than its bound: 0.34 dB after 120 steps on
-    `tiny`, with or without the grid in rendering, as the grid prunes what has hardly been learnt. With the grid of the
-    reduced profile, which begins at step 100, it costs 0.09 dB after 300 steps.
-    """
-    plan = context.plan("smoke", list(SCENES))
-    method = plan.roles.among(plan.methods).baseline
-    if context.quick:
-        return replace(plan, methods=(method,), seeds=(0,))
-    train = PROFILES["reduced"].in_float32().train
-    return replace(plan, methods=(method,), seeds=SEEDS, budget=Budget(STEPS, None), train=train)
-
-
-def _worst(omitted: list[Omission]) -> Check:
-    """Judge one part by its worst scene: it passes only if it is within its bound on every scene."""
-    costly = [omission for omission in omitted if omission.verdict == "costs more"]
-    unsettled = [
-        omission for omission in omitted if omission.verdict != "within its bound" or omission.difference is None
-    ]
-    unmeasured = any(omission.difference is None for omission in unsettled)
-    status: Status = "fail" if costly else "not_available" if unmeasured else "inconclusive" if unsettled else "pass"
-    among = costly or unsettled or omitted
-    measured = [omission for omission in among if omission.difference is not None]
-    worst = max(measured or among, key=lambda omission: _cost(omission) or 0.0)
-    why = [f"costs more on {' '.join(omission.scene for omission in costly)}"] if costly else []
-    why += [_line_of(omission) for omission in unsettled if omission not in costly]
-    seconds = [omission.seconds_saved for omission in omitted if omission.seconds_saved is not None]
-    why += [f"shown: {worst.scene}"] if measured else []
-    why += [f"{sum(seconds):.1f} s saved ({omitted[0].clock}) on {len(seconds)} scenes"] if seconds else []
-    what = "test PSNR lost by leaving it out" if worst.unit == "dB" else "change of a colour"
-    high, unit = worst.bound, worst.unit
-    return Check(what, _cost(worst), None, high, unit, "; ".join(why), worst.title, status=status)
-
-
-def _control(omission: Omission) -> Check:
-    cost, subject, what = _cost(omission), f"control: {omission.title}", "what leaving out something needed costs"
-    low, unit = omission.bound, omission.unit
-    if cost is None:
-        why = _line_of(omission)
-        return Check(what, None, low, unit=unit, why=why, subject=subject, status="not_available")
-    return check(what, cost, low, unit=unit, why="otherwise no omission could fail", subject=subject)
-
-
-def _line_of(omission: Omission) -> str:
-    return f"{omission.line}: {omission.pairs} pairs of cells; {omission.diverged} without a score, as a cell diverged"
-
-
-def _cost(omission: Omission) -> float | None:
-    if omission.difference is None:
-        return None
-    return -omission.difference if omission.unit == "dB" else abs(omission.difference)

@@ -17,7 +17,6 @@ from harness.studies.choices.arms import Arm, CellArms, CellTask, Ended, Rerende
 from harness.studies.choices.omissions import omissions_of, verifiable
 from harness.verdicts.statistics import paired_difference
 from scenes.modelling.needs import PARTS, Need, Needs, as_rows, left_out, needs_of, with_needs
-from scenes.rendering.checks import in_blocks
 from scenes.view_sets.image_stack import ImageStack
 from scenes.view_sets.view_set import ViewSet, read_view_set
 from tests.harness.ball import write_ball
@@ -216,14 +215,6 @@ def test_controls_have_the_opposite_sign() -> None:
     assert (bands.name, bands.difference) == ("high_bands", -6.0)
     assert "needed ones too" in bands.title
     assert omissions.controls_of(cells_with((1.0, 1.0))) == []
-
-
-def test_blocks_are_means_and_a_rest_at_the_border_is_left() -> None:
-    image = np.zeros((17, 20, 3))
-    image[:8, 8:16] = 1.0
-    image[16:, :] = image[:, 16:] = 9.0
-    assert in_blocks(image)[..., 0].tolist() == [[0.0, 1.0], [0.0, 0.0]]
-    assert in_blocks(np.full((3, 5, 3), 2.0)).shape == (1, 1, 3)
 
 
 def test_what_was_measured_fills_what_was_left_out() -> None:

@@ -1,14 +1,12 @@
 """Ceilings against independent renders, from simulated noise; and the process that renders, played by a script."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from harness.records.study import Check
-from harness.studies.evidence.ceilings import TOLERANCE_DB, agreement, judge, noise_rows
-from scenes.files.errors import InputError
+from harness.studies.evidence.ceilings import TOLERANCE_DB, agreement, judge
 
 VIEWS = 15
 TRUE_MSE = 1e-4
@@ -69,47 +67,6 @@ def test_standard_errors_that_resolve_the_tolerance_hold_and_the_widest_pass_is_
     assert error.value == pytest.approx(0.032, rel=0.5)
     widest = TOLERANCE_DB + (worst.high or 0.0) * (error.value or 0.0)
     assert f"{widest:.2f} dB where they are largest" in worst.why
-
-
-SCRIPT = """
-import json, os, signal, sys
-items = sys.argv[2:]
-scalar = "--variant" in items
-for item in items:
-    if item.startswith("--"):
-        break
-    if item == "wrong":
-        sys.exit(print("scenes: wrong: unknown scene", file=sys.stderr) or 2)
-    if item == "broken":
-        sys.exit("a bug")
-    print(json.dumps({"item": item, "scene": item, "variant": "scalar" if scalar else "llvm"}), flush=True)
-    if item == "deadly" and not scalar:
-        os.kill(os.getpid(), signal.SIGKILL)
-    print(json.dumps({"item": item, "scene": item, "variant": "scalar" if scalar else "llvm"}), flush=True)
-"""
-
-
-@pytest.fixture
-def script(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
-    (tmp_path / "played.py").write_text(SCRIPT)
-    monkeypatch.chdir(tmp_path)
-    return "played"
-
-
-def test_rows_are_sorted_by_item_and_rendering_continues_after_a_signal(script: str) -> None:
-    lines: list[str] = []
-    rows = noise_rows(["lego", "deadly", "mic"], ["--spp", "4"], lines.append, script)
-    assert {name: [row["variant"] for row in of] for name, of in rows.items()} == {
-        "lego": ["llvm", "llvm"], "deadly": ["scalar", "scalar"], "mic": ["scalar", "scalar"],
-    }  # fmt: skip
-    assert lines[:2] == ["rendering lego (1 of 3)", "rendering deadly (2 of 3)"]
-
-
-def test_what_the_renderer_complains_about_is_passed_on(script: str) -> None:
-    with pytest.raises(InputError, match=r"^wrong: unknown scene$"):
-        noise_rows(["lego", "wrong"], (), module=script)
-    with pytest.raises(RuntimeError, match="exit code 1: a bug"):
-        noise_rows(["broken"], (), module=script)
 
 
 def test_the_rows_are_what_the_renderer_prints() -> None:

@@ -6,13 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from baselines.numerics.attention.priorities import PHI
 from harness.command.main import main
 from harness.records.study import Check, Studies, read_studies
 from harness.studies import framework
 from harness.studies.framework import Found
-from harness.studies.serving.anytime import MEASURES, ORDERS
-from harness.studies.serving.attention_views import KINDS, NOTHING
+from harness.studies.serving.attention import KINDS, MEASURES, NOTHING, ORDERS
 from harness.studies.serving.serving_context import Measure, ServingContext, study
 from harness.studies.serving.serving_studies import SHELF, STUDIES
 from harness.training.trainer import Diverged
@@ -66,8 +64,8 @@ def test_the_record_is_complete(out: Path) -> None:
     checks = {each.id: each for _, each in record.checks()}
     assert {f"whole.{order}" for order in ORDERS} <= set(checks), "the last part leaves no error"
     assert checks["earlier.attended"].repeats == len(KINDS)
-    assert checks["phi.sum"].value == pytest.approx(PHI)
-    (table,) = (table for study in record.studies if study.info.id == "anytime" for table in study.tables)
+    assert (checks["phi.changed"].value, checks["phi.changed"].repeats) == (0.0, len(KINDS))
+    (table,) = (table for study in record.studies if study.info.id == "attention" for table in study.tables)
     assert len(table.rows) == len(KINDS) * len(MEASURES)
     settings = record.settings
     assert (settings["scenes"], settings["methods"], settings["width"]) == (["ball"], ["nerf", "qnerf"], SIZE)
@@ -75,11 +73,11 @@ def test_the_record_is_complete(out: Path) -> None:
 
 
 def test_a_failing_study_costs_only_itself_and_is_tried_again(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with_studies(monkeypatch, anytime=failing(Diverged(3, "colour")))
+    with_studies(monkeypatch, attention=failing(Diverged(3, "colour")))
     assert measured(out) == 3
     record = record_of(out)
     assert [each.info.id for each in record.studies] == list(STUDIES)
-    assert [study_record.info.id for study_record, _ in record.broken] == ["anytime"]
+    assert [study_record.info.id for study_record, _ in record.broken] == ["attention"]
     assert not record.is_complete
     with_studies(monkeypatch, latency=failing(ZeroDivisionError("unexpected")))
     assert measured(out, resume=True) == 0, "the others are not measured again"
@@ -87,7 +85,7 @@ def test_a_failing_study_costs_only_itself_and_is_tried_again(out: Path, monkeyp
 
 
 def test_an_unexpected_error_is_not_hidden_by_the_command(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with_studies(monkeypatch, confusions=failing(ZeroDivisionError("unexpected")))
+    with_studies(monkeypatch, attention=failing(ZeroDivisionError("unexpected")))
     with pytest.raises(ZeroDivisionError):
         measured(out)
     assert [each.info.id for each in record_of(out).studies] == ["latency"], "what was finished is kept"
@@ -98,13 +96,13 @@ def test_a_cell_that_diverged_is_named(out: Path) -> None:
     data = json.loads(path.read_text(encoding="utf-8"))
     data.pop("digest", None)
     path.write_text(json.dumps({**data, "status": "diverged", "reason": "not finite at step 3"}), encoding="utf-8")
-    assert measured(out, "latency", "anytime") == 0
-    latency, anytime = record_of(out).studies
+    assert measured(out, "latency", "attention") == 0
+    latency, attention = record_of(out).studies
     assert {each.subject for each in latency.checks if each.id.startswith("hit.")} == {"qnerf"}
     gaps = [each for each in latency.checks if each.status == "not_available"]
     assert any(each.what == "ball, nerf, seed 0" and "diverged" in each.why for each in gaps)
-    assert anytime.answers == [NOTHING]
-    assert any("which points share a chunk" in each.why for each in anytime.checks), "in qnerf"
+    assert attention.answers == [NOTHING]
+    assert any("which points share a chunk" in each.why for each in attention.checks), "in qnerf"
 
 
 def test_the_command_measures_what_is_requested(out: Path, capsys: pytest.CaptureFixture[str]) -> None:

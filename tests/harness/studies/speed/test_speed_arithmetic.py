@@ -10,7 +10,6 @@ from torch import Tensor
 from torch.utils.flop_counter import FlopCounterMode
 
 from baselines.contract import Box, NetworkSize, Rays
-from baselines.numerics.quadrature import midpoint
 from baselines.plain import PlainField, plain_loss
 from harness.execution.progress import Progress
 from harness.machine.peak_memory import peak_bytes
@@ -18,8 +17,6 @@ from harness.machine.stopwatch import Stopwatch
 from harness.plan.run_plan import Machine
 from harness.records.study import Check
 from harness.studies.speed import throughput, time_to_target
-from harness.studies.speed.growth import exponent
-from harness.studies.speed.kernels import RULES
 from harness.studies.speed.memory import session_bytes
 from harness.studies.speed.speed_context import SpeedContext, batches_of, interleaved
 from harness.studies.speed.throughput import step_flops
@@ -64,21 +61,6 @@ def test_of_an_emulated_type_only_the_smallest_multiplication_is_timed(
     monkeypatch.setattr(throughput, "interleaved", lambda sides, *_: {name: [seconds] for name in sides})
     context = SpeedContext(tmp_path, tmp_path, tmp_path, True, Progress(), Machine("cpu", 1, 1), 1.0)
     assert list(throughput._matmul_rates(context, 8, torch.float32)) == chunks
-
-
-def test_growth_is_the_slope_of_logarithms() -> None:
-    assert exponent([1.0, 2.0, 4.0], [3.0, 12.0, 24.0]) == pytest.approx((1.5, 1.0, 2.0))
-
-
-@pytest.mark.parametrize("name", ["autograd", "product"])
-def test_every_quadrature_that_is_compared_computes_the_same(name: str) -> None:
-    generator = torch.Generator().manual_seed(2)
-    t_edges = torch.linspace(2.0, 6.0, 17, dtype=torch.float64).expand(5, -1)
-    sigma = 3.0 * torch.rand(5, 16, generator=generator, dtype=torch.float64)
-    _, rule = RULES[name]
-    torch.testing.assert_close(
-        rule(sigma, t_edges[:, 1:], t_edges), midpoint(sigma, t_edges[:, 1:], t_edges), rtol=0, atol=1e-8
-    )
 
 
 def test_memory_is_read_from_what_the_system_says(tmp_path: Path) -> None:

@@ -14,8 +14,8 @@ from harness.records.study import CHAPTERS, Check, Series, Table
 from harness.studies.stability.rays import camera_cases, quadrature_edges, quadrature_orders, quadrature_rounding
 from harness.studies.stability.rays.exact_rays import OURS, exact, homogeneous
 from harness.studies.stability.rays.quadrature_orders import fitted_order
+from harness.studies.stability.rays.usual_quadrature import running_product, stock_expm1
 from harness.studies.stability.stability_context import StabilityContext
-from harness.studies.usual_quadrature import running_product, stock_expm1
 from tests.harness.studies.stability.made_up import checks, context_in, findings
 
 

@@ -13,13 +13,11 @@ from harness.command.plan_options import planned
 from harness.execution import run as execution
 from harness.plan.run_plan import Plan
 from harness.records.cells import CellRecord, RunRecord, SceneRecord, write_cell, write_run
-from harness.studies.choices.omissions import Omission, Verdict
 from harness.studies.stability.stability_context import StabilityContext
 from harness.studies.stability.whole_scenes import scene_truth
 from harness.studies.stability.whole_scenes.ladder_cases import (
     LEAST_RUNGS,
     RungScore,
-    _worst,
     outcome_of,
     rungs_climbed,
     score_of,
@@ -388,41 +386,3 @@ def test_a_method_that_is_not_available_does_not_fail() -> None:
 
 
 # what a scene does not need
-
-
-def omission(
-    verdict: Verdict,
-    difference: float | None,
-    interval: tuple[float, float] | None = (-0.01, 0.01),
-    scene: str = "tiny",
-    pairs: int = 3,
-) -> Omission:
-    return Omission(scene, "nerf", "empty_space", 1.0, "training", difference, interval, pairs, 3 - pairs, verdict)
-
-
-WITHIN = omission("within its bound", 0.01)
-
-
-@pytest.mark.parametrize(
-    ("omitted", "status", "value", "words"),
-    [
-        ([WITHIN, omission("within its bound", -0.02, scene="materials")], "pass", 0.02, "2.0 s saved"),
-        (
-            [omission("inconclusive", -9.0), omission("costs more", -0.5, scene="materials")],
-            "fail", 0.5, "costs more on materials",
-        ),
-        ([WITHIN, omission("inconclusive", -0.02, (-0.6, 0.1))], "inconclusive", 0.02, "[-0.6, +0.1] dB"),
-        ([WITHIN, omission("inconclusive", -0.4, (-0.6, 0.1))], "inconclusive", 0.4, "[-0.6, +0.1] dB"),
-        (
-            [WITHIN, omission("inconclusive", None, None, "materials", pairs=0)],
-            "not_available", None, "materials: samples in empty space: nothing measured",
-        ),
-        ([omission("costs more", None, None, pairs=0)], "fail", None, "costs more on tiny"),
-    ],
-)  # fmt: skip
-def test_the_worst_scene_of_an_omission_decides(
-    omitted: list[Omission], status: str, value: float | None, words: str
-) -> None:
-    outcome = _worst(omitted)
-    assert (outcome.status, outcome.value, outcome.limit) == (status, value, WITHIN.bound)
-    assert words in outcome.why
