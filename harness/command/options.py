@@ -82,9 +82,12 @@ def require_folder(out: Path) -> None:
         raise InputError(f"--out {out}: is a file; name a folder")
 
 
-def reported(out: Path) -> int:
-    """Write the page of `out` in another process, as a page is made only from records; returns the exit code."""
-    return subprocess.run([sys.executable, "-m", "reports", str(out), "--quiet"], check=False).returncode
+def reported(out: Path, quiet: bool = True) -> int:
+    """Write the page of `out` in another process, as a page is made only from records; returns the exit code. Unless
+    `quiet`, that process also prints the verdict.
+    """
+    words = [str(out), "--quiet"] if quiet else [str(out)]
+    return subprocess.run([sys.executable, "-m", "reports", *words], check=False).returncode
 
 
 def require_between(options: argparse.Namespace, **bounds: tuple[float, float]) -> None:

@@ -8,8 +8,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
+from harness.command.live_page import LivePage
 from harness.command.machine_options import MACHINE_OPTIONS, chosen_machine, unused_by
-from harness.command.options import Command, Options, flag, option
+from harness.command.options import Command, Options, flag, option, reported
 from harness.command.plan_options import PLAN_OPTIONS, planned_by
 from harness.execution.progress import Progress
 from harness.machine.cores import physical_cores
@@ -40,6 +41,7 @@ RUN: Options = {
     "--dry-run": {},
     "--lpips": {},
     "--verify-omissions": flag("train with and without everything that is left out (exit code 3)"),
+    "--page": flag("also write report.html: after the first group, again as others end, and at the end"),
     "--tensorboard": flag("write each cell to OUT/tensorboard when it ends"),
     "--quiet": {},
 }
@@ -57,6 +59,7 @@ def run_run(options: argparse.Namespace, show: Progress) -> int:
 
         require_tensorboard("--tensorboard")
     out = options.out or fresh_folder(options.profile, options.resume)
+    page = LivePage(out, show.line) if options.page and not options.dry_run else None
     plan, device = _planned(options, out, show)
     machine = chosen_machine(options, device, len(plan.groups()), show.line)
     say: Callable[[str], None] = print if options.dry_run else show.line
@@ -65,6 +68,7 @@ def run_run(options: argparse.Namespace, show: Progress) -> int:
     if options.dry_run or not (options.quiet or options.profile == "smoke"):  # its run takes hardly longer
         from harness.execution.cost import estimate_apart
 
+        say("trying a few steps of every method, to estimate the cost")
         finished = out if options.resume else None
         estimate = estimate_apart(plan, machine, options.view_sets, options.verify_omissions, finished)
         for line in estimate.lines:
@@ -82,17 +86,25 @@ def run_run(options: argparse.Namespace, show: Progress) -> int:
                 from harness.studies.choices.omissions import verify_run
 
                 verify = partial(verify_run, plan, machine, out, shown)
-            code = run(plan, out, options.view_sets, machine, options.line, shown, verify)
+            renew = page.renew if page else lambda: None
+            code = run(plan, out, options.view_sets, machine, options.line, shown, verify, renew)
     except InputError:
         if before is not None and latest_folder() is None:  # the claimed folder was removed
             point_latest_to(before)
         raise
+    finally:
+        if page is not None:
+            page.close()
     cells = list(read_cells(out))
     for row in last_doublings(cells, list(plan.methods)):
         show.line(in_words(row))
     counts = Counter(cell.status for cell in cells)
     outcome = ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))
-    show.line(f"{outcome}; records in {out / 'records'}; `radiance-verdict report {out}` writes the page")
+    show.line(f"{outcome}; records in {out / 'records'}")
+    if page is not None:
+        show.close()
+        return max(code, reported(out, quiet=options.quiet))
+    show.line(f"write the page: radiance-verdict report {out}")
     return code
 
 

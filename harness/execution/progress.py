@@ -5,6 +5,7 @@ work replaces the estimate.
 """
 
 import sys
+import textwrap
 import time
 from collections.abc import Hashable
 from dataclasses import dataclass
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 Range = tuple[float, float]
 """The minimum and the maximum seconds."""
 UNITS = ((86400.0, "d"), (3600.0, "h"), (60.0, "min"), (1.0, "s"))
+COLUMNS = 80
 ENOUGH = 0.25
 """The share of a piece of work after which its pace predicts the rest."""
 SPREAD = (0.7, 1.4)
@@ -101,6 +103,9 @@ class Progress:
 
     def cell(self, cell: "CellRecord") -> None: ...
 
+    def group(self, task: "GroupTask") -> None:
+        """End a group: all its cells were passed to `cell`."""
+
     def part(self, what: str, done: int, total: int) -> None:
         """Report on other work with parts: its current part and the number of finished parts."""
 
@@ -108,15 +113,17 @@ class Progress:
 
 
 class Lines(Progress):
-    """Plain lines: at most one every few seconds, and one for each rendered scene and ended cell."""
+    """Plain lines of at most 80 columns: one every few seconds, and one or two for each group that has ended."""
 
-    def __init__(self, every_seconds: float = 15.0) -> None:
+    def __init__(self, every_seconds: float = 5.0) -> None:
         self._every = every_seconds
         self._last = time.monotonic()
         self._expected: dict[str, Range] = {}
         self._rendering = self._training = TimeLeft()
         self._scenes_done = 0
         self._part = 0, 0.0, TimeLeft()
+        self._trains = False
+        self._ended: dict[tuple[str, int], list[CellRecord]] = {}
 
     def line(self, text: str) -> None:
         sys.stdout.write(printable(text) + "\n")
@@ -132,17 +139,18 @@ class Lines(Progress):
         if event.path is not None:
             self._scenes_done += 1
             self._show("rendering", f"rendered {event.scene}", self._scenes_done / scenes)
-            self.line(f"view set {event.scene}: {event.path}")
             return
         kept = f" ({event.kept} from before)" if event.kept else ""
         done = f"{event.done} of {event.total} views done{kept}, " if event.total else ""
         share = (self._scenes_done + event.done / max(event.total, 1)) / scenes
-        text = f"rendering {event.scene}: {done}{event.doing}{self._left('rendering', share, left)}"
+        # once others train meanwhile, the time left is that of training
+        ends = "" if self._trains else self._left("rendering", share, left)
+        text = f"rendering {event.scene}: {done}{event.doing}{ends}"
         self._show("rendering", text, share)
 
     def start_training(self, cells: int, missing: int) -> None:
         self._rendering, self._training = TimeLeft(), TimeLeft(missing)
-        self._scenes_done = 0
+        self._scenes_done, self._trains = 0, True
         kept = f", {cells - missing} kept from before" if missing < cells else ""
         self.line(f"training {missing} cells{kept}")
 
@@ -153,7 +161,14 @@ class Lines(Progress):
         self._show("training", f"trained {done:.0%}{self._left('training', done, left)}", done)
 
     def cell(self, cell: "CellRecord") -> None:
-        self.line(cell_line(cell))
+        if cell.status == "done":
+            self._ended.setdefault((cell.scene, cell.seed), []).append(cell)
+        else:
+            self.line(f"{cell.scene} {cell.method} seed {cell.seed}: {cell.status.upper()}, {cell.reason}")
+
+    def group(self, task: "GroupTask") -> None:
+        if cells := self._ended.pop((task.scene, task.seed), None):
+            self.line(group_line(cells))
 
     def part(self, what: str, done: int, total: int) -> None:
         share = done / max(total, 1)
@@ -211,18 +226,19 @@ class Bars(Lines):
         self._bars.update(self._tasks[bar], completed=share, description=text)
 
 
-def cell_line(cell: "CellRecord") -> str:
-    name = f"{cell.scene} {cell.method} seed {cell.seed}"
-    if cell.status != "done":
-        return f"{name}: {cell.status.upper()}, {cell.reason}"
+def group_line(cells: "list[CellRecord]") -> str:
+    """Return the scores of the cells of a group that are done."""
+    cells = sorted(cells, key=lambda cell: cell.method)
+    scores = [f"{cell.method} {_score(cell)}" for cell in cells]
+    line = f"{cells[0].scene} seed {cells[0].seed}: {', '.join(scores)}"
+    if any(cell.spun for cell in cells):
+        line += "; core seconds are too long"
+    return textwrap.fill(line, COLUMNS, subsequent_indent="  ", break_on_hyphens=False)
+
+
+def _score(cell: "CellRecord") -> str:
     psnr = cell.scores.get("psnr")
-    score = "identical images" if psnr is None else f"{psnr:.2f} dB"
-    cores = "" if cell.train_core_seconds is None else f", {cell.train_core_seconds:.1f} core s"
-    waits = "; other work shared its processor" if cell.waited else ""
-    waits += ", its core seconds are too long" if cell.spun else ""
-    if not cell.steps:
-        return f"{name}: {score}, as given"
-    return f"{name}: {score} after {cell.steps} steps, {cell.train_seconds:.1f} s{cores}{waits}"
+    return "identical images" if psnr is None else f"{psnr:.2f} dB"
 
 
 def chosen_progress(quiet: bool) -> Progress:

@@ -224,6 +224,8 @@ class _Run:
                 self.show.rendered(event.rendered, len(self.plan.scenes))
             if event.cell is not None:
                 self.show.cell(event.cell)
+            if event.task is not None and event.share == 1.0:
+                self.show.group(event.task)
             yield event
 
 
