@@ -107,23 +107,42 @@ class Layout:
         files: bool = False,
         rules: str = "",
         fold_origins: bool = False,
+        groups: Mapping[str, tuple[str, ...]] | None = None,
+        before: Iterable[tuple[str, str]] = (),
         **content: object,
     ) -> str:
-        """Return a page as text; sections without parts are left out. `files` allows script files next to the page."""
+        """Return a page as text; sections without parts are left out. `files` allows script files next to the page.
+
+        `groups`: title in the contents → names of its sections, in the order of the page; the last group takes the
+        others. `before`: id and title of what stands above all sections, the beginning of the first group.
+        """
         origins = [
             self.parts.folded(name, self.parts.terms("provenance", pairs), place == 0)
             for place, (name, pairs) in enumerate(provenance)
         ]
         every = [*sections, section("provenance", "Provenance", *origins, folded=fold_origins)]
+        grouped = in_groups([part for part in every if part.parts], groups or {"": ()})
+        contents = [(group, [(part.name, part.title) for part in parts]) for group, parts in grouped.items()]
+        contents[0][1][:0] = before
         code = script(*scripts)
         return self.environment.get_template(template).render(
             **content,
             title=title,
-            sections=[part for part in every if part.parts],
+            sections=[part for parts in grouped.values() for part in parts],
+            contents=[(group, entries) for group, entries in contents if entries],
             policy=content_policy(code, files),
             script=Markup(code),
             style=style() + Markup(rules),
         )
+
+
+def in_groups(sections: list[Section], groups: Mapping[str, tuple[str, ...]]) -> dict[str, list[Section]]:
+    """Map group → its sections, in the order of `groups`; the last group takes the sections that none names."""
+    places = {name: group for group, names in groups.items() for name in names}
+    *_, last = groups
+    ordered = [name for names in groups.values() for name in names]
+    ranked = sorted(sections, key=lambda part: ordered.index(part.name) if part.name in ordered else len(ordered))
+    return {group: [part for part in ranked if places.get(part.name, last) == group] for group in groups}
 
 
 def named(text: str, colours: dict[str, palette.Colour]) -> Markup:
