@@ -155,7 +155,9 @@ def outcome_of(records: Records, row: Comparison | None) -> Outcome | None:
 
 
 def _outcome(records: Records, method: str, fought: list[Duel]) -> tuple[str, list[str]]:
-    """State the first contender's differences, then those of the second; and what qualifies them."""
+    """State the first contender's differences; and what qualifies them, with those of the second unless one clause
+    says all.
+    """
     baseline, control = records.baseline, records.control
     cells = [cell for cell in records.cells if cell.method == method]
     lost = sum(cell.status in LOST for cell in cells)
@@ -175,7 +177,10 @@ def _outcome(records: Records, method: str, fought: list[Duel]) -> tuple[str, li
         if not all(map(is_on_few_scenes, judged)):
             how.append("on scenes like these" if like else "on these scenes")
         more = [rising(row.gain for row in last_doublings(records.cells, [method, baseline])), *losses]
-    return answer_of(judged, method, baseline, control, ", ".join(how)), [words for words in more if words]
+    others = [] if none_shown(judged) else [each for each in judged if each.method != method]
+    own = [each for each in judged if each not in others]
+    more = [clauses(others), *more]
+    return answer_of(own, method, baseline, control, ", ".join(how)), [words for words in more if words]
 
 
 def rising(gains: Iterable[float | None]) -> str:

@@ -58,8 +58,8 @@ Groups = list[tuple[str, list[tuple[str, str]]]]
 HERE = Path(__file__).parent
 SCRIPTS = (
     *("state.js", "element.js", "numbers.js", "download.js", "menu.js"),
-    *("chart_scale.js", "figure_svg.js", "figures.js", "evidence.js", "runs.js"),
-    *("tables.js", "filter.js", "reading.js"),
+    *("chart_scale.js", "chart_view.js", "figure_svg.js", "figures.js", "evidence.js", "runs.js"),
+    *("tables.js", "filter.js", "reading.js", "newer.js"),
 )
 """The scripts of every page, for sorting, filtering and saving, in this order."""
 START = "start.js"
@@ -73,13 +73,17 @@ class Section(NamedTuple):
     title: str
     parts: list[Markup]
     question: str | None = None
-    """The question of a study, its heading; None for other sections."""
+    """The question of a study; None for other sections."""
+    answer: str = ""
+    """The answer of a study, its heading."""
     folded: bool = False
     """Whether it is folded at first; a link to it unfolds it."""
 
 
-def section(name: str, title: str, *parts: Markup, question: str | None = None, folded: bool = False) -> Section:
-    return Section(name, title, [part for part in parts if part.strip()], question, folded)
+def section(
+    name: str, title: str, *parts: Markup, question: str | None = None, answer: str = "", folded: bool = False
+) -> Section:
+    return Section(name, title, [part for part in parts if part.strip()], question, answer, folded)
 
 
 class Layout:

@@ -18,7 +18,6 @@ from reports.run.curves import convergence
 from reports.run.density import amplifier_over_time, density_histograms
 from reports.run.time_to_target import reach_panels
 
-
 MARGIN = METRICS[PRIMARY].smallest_of_interest
 FARTHEST = 2.5
 """How far the ruler reaches beyond its largest difference; a longer interval is cut, and printed next to it."""
@@ -37,8 +36,8 @@ def ruler(records: Records) -> Panel | None:
                 continue
             claimed += [(low, float(len(rows)), high) for low, high in _claimed(records, method, rival)]
             senses = {"these scenes": row.on_these_scenes, "scenes like these": row.scenes_like_these}
-            known = {words: estimate for words, estimate in senses.items() if estimate} or {"these scenes": None}
-            rows += [(f"− {rival}\n{words}", row, estimate) for words, estimate in known.items()]
+            known = [words for words, estimate in senses.items() if estimate] or ["these scenes"]
+            rows += [(f"− {rival}\n{words}", row, senses[words]) for words in known]
     if not rows:
         return None
     ends, band = (-0.5, len(rows) - 0.5), f"±{MARGIN:g} dB, too small to matter"
@@ -48,8 +47,8 @@ def ruler(records: Records) -> Panel | None:
         Trace("no difference", INK.light, "floor", (0.0, 0.0), ends),
     ]
     figures, values = [], [1.5 * MARGIN, -1.5 * MARGIN]
-    for place, (_, row, estimate) in enumerate(rows):
-        at, difference, runs = (float(place),), row.difference or 0.0, (behind_difference(row),)
+    for line, (_, row, estimate) in enumerate(rows):
+        at, difference, runs = (float(line),), row.difference or 0.0, (behind_difference(row),)
         pair = (estimate.simultaneous or estimate.interval) if estimate else None
         colour = colours_of(records.methods)[row.against].light
         if pair is not None:
@@ -163,6 +162,7 @@ class Drawn(NamedTuple):
 
 
 FIGURES = (
+    Drawn("ruler", "answer", lambda records: list(filter(None, [ruler(records)]))),
     Drawn(
         "difference",
         "psnr",

@@ -178,7 +178,7 @@ def _closer(errors: list[np.ndarray], colours: list[str]) -> Picture:
     inks = [np.array([int(colour[at : at + 2], 16) / 255 for at in (1, 3, 5)]) for colour in colours]
     ahead = np.clip((errors[0] - errors[1]) / LARGEST_ERROR, -1.0, 1.0)[..., None]
     ink = np.where(ahead > 0, inks[1], inks[0])
-    return 1.0 - np.abs(ahead) * (1.0 - ink)
+    return np.asarray(1.0 - np.abs(ahead) * (1.0 - ink))
 
 
 INLINE_BYTES = 6_000_000

@@ -17,7 +17,7 @@ from reports.claims.psnr_table import differences_grids, scores_grid
 from reports.claims.table import chapters, folds
 from reports.data import glossary, wording
 from reports.data.load import Records
-from reports.data.packing import as_data
+from reports.data.packing import as_data, as_json
 from reports.data.scale import compared_with, facts, in_a_line, is_at_scale, standing
 from reports.data.shelf_records import NO_SHELVES, ShelfRecords
 from reports.drawing.figure import plots
@@ -40,6 +40,7 @@ from scenes.files.atomic import write_atomically
 
 SCRIPTS = (*shell.SCRIPTS, *RUN_SCRIPTS, *pictures.SCRIPTS, shell.START)
 HEADING = Markup("<h3>{}</h3>")
+VERSION_FILE = "report.version.js"
 MUTED = Markup('<i class="swatch" style="background: var(--muted)"></i>')
 GROUPS = {
     "Answer": ("claims",),
@@ -105,10 +106,11 @@ def _page(records: Records, shelves: ShelfRecords, pixels: PictureData | None, s
         provenance(records),
         fold_origins=True,
         scripts=SCRIPTS,
-        files=bool(pixels and pixels.files),
+        files=bool(pixels and pixels.files) or not run.finished,
         rules=chooser_rules(work),
         groups=GROUPS,
         before=[("answer", ""), *([("not-tested", "Not tested")] if missing else [])],
+        newest=None if run.finished else {"file": VERSION_FILE, "version": version(records)},
         records=records,
         run=run,
         headline=answer,
@@ -285,14 +287,23 @@ def provenance(records: Records) -> shell.Groups:
     return [(title, [(name, value) for name, value in rows if value]) for title, rows in groups if rows]
 
 
+def version(records: Records) -> str:
+    """Return a word that differs between the pages of a run as it grows."""
+    return f"{records_digest(records)[:16]}{'-finished' if records.run.finished else ''}"
+
+
 def write_page(
     records: Records, path: Path, shelves: ShelfRecords = NO_SHELVES, shown: dict[str, ShelfShown] | None = None
 ) -> None:
-    """Write the pictures, then the page, each atomically: a reader never sees an incomplete page. `shown` holds, by
-    shelf, the sections of studies that were already laid out.
+    """Write the pictures, then the page, each atomically: a reader never sees an incomplete page. The small script that
+    an open page of an unfinished run asks for the newest version comes last. `shown` holds, by shelf, the sections of
+    studies that were already laid out.
     """
     pixels = picture_data(records)
     files = pixels.files if pixels else {}
     write_files(files, path.parent)
     write_atomically(path, _page(records, shelves, pixels, shown or {}), fsync=False)
+    newest = path.parent / VERSION_FILE
+    if not records.run.finished or newest.exists():  # a finished run tells the open page of its beginning
+        write_atomically(newest, f"reportVersion({as_json(version(records))});\n", fsync=False)
     remove_others(files, path.parent)

@@ -3,6 +3,7 @@ const reading = (() => {
   const KEYS = [
     ["/", "filter: the rows of the visible table, or scenes and methods"],
     ["arrows", "move between cells of a table, or between points of a focused figure"],
+    ["+ − 0", "enlarge a focused figure, or show all of it; so does a dragged rectangle"],
     ["Enter", "the runs behind a cell or a point"],
     ["Esc", "close"],
     ["?", "these keys"],
