@@ -83,7 +83,7 @@ def test_every_check_is_in_the_details_with_its_reason():
     record = fake_studies("stability", failing=True, charts=False)
     text = study_page(record)
     for study_of in record.studies:
-        start = text.index(f'<div id="study-{study_of.info.id}">')
+        start = text.index(f'<details class="study" id="study-{study_of.info.id}"')
         own = seen(text[start : text.index("</details>", start)])
         for words in study_of.info.facts.values():
             assert words in own, words
