@@ -4,6 +4,7 @@ Panels that differ only in their subject are small multiples of the first.
 Nothing is dropped silently: a zero on a logarithmic axis is drawn at its foot, a non-finite value at the upper edge.
 """
 
+import math
 from dataclasses import replace
 from itertools import groupby
 from typing import NamedTuple
@@ -13,7 +14,7 @@ from markupsafe import Markup
 from harness.records.json_record import finite_or_none
 from harness.records.study import Series
 from reports.data.wording import of_any_size
-from reports.drawing.figure import padded, svg, with_common_limits
+from reports.drawing.figure import NAME_POINTS, padded, spread, svg, with_common_limits
 from reports.drawing.palette import Pen, key, pens_of
 from reports.drawing.traces import Panel, Trace
 
@@ -24,6 +25,10 @@ MARKED = 14
 """The maximum number of marked points of a line that has more than twice this number of points."""
 FOOT = 10.0
 """The factor by which the foot of a logarithmic axis lies below the smallest positive value."""
+
+
+LONGEST_END, FARTHEST = 18, 25.0
+"""The letters of a name at the end of a line, and the points by which it may be moved."""
 
 
 Drawn = tuple[Panel, dict[str, Pen]]
@@ -107,9 +112,8 @@ def _panel(title: str, group: list[Series], pens: dict[str, Pen]) -> Panel:
     limits = padded([foot, *filter(None, all_y)] if foot is not None else all_y, log_y)
     top = limits[1] if limits else 1.0
     few = sum(line.low is not None for line in group) <= MOST_BANDS
-    pairs = list(zip(group, lines, strict=True))
+    pairs, size = list(zip(group, lines, strict=True)), WIDE if len(group) > 5 else (4.3, 2.9)
     parts = [_traces(line.name, pens[line.name], known, foot, top, few) for line, known in pairs]
-    ends = [(line.name, pens[line.name].colour.light, *_last(known)) for line, known in pairs if _last(known)]
     return Panel(
         title,
         group[0].x_label,
@@ -120,10 +124,27 @@ def _panel(title: str, group: list[Series], pens: dict[str, Pen]) -> Panel:
         "log" if log_y else "linear",
         padded(all_x, log_x),
         limits,
-        size=WIDE if len(group) > 5 else (4.3, 2.9),
+        size=size,
         zero_at=foot,
-        ends=tuple(ends) if len(ends) == len(group) > MOST_BANDS else (),
+        ends=_ends(pairs, pens, limits, log_y, 72.0 * (size[1] - 0.62)),
     )
+
+
+def _ends(
+    pairs: list[tuple[Series, list[Point]]],
+    pens: dict[str, Pen],
+    limits: tuple[float, float] | None,
+    log: bool,
+    height: float,
+) -> tuple[tuple[str, str, float, float], ...]:
+    """Return the ends of lines, if their names fit next to axes of this height in points; else the key has to do."""
+    ends = [(line.name, pens[line.name].colour.light, *_last(known)) for line, known in pairs if _last(known)]
+    if limits is None or not MOST_BANDS < len(ends) == len(pairs) or max(len(end[0]) for end in ends) > LONGEST_END:
+        return ()
+    low, high, *at = (math.log(each) if log else each for each in (*limits, *(end[3] for end in ends)))
+    places = sorted(height * (each - low) / (high - low) for each in at)
+    moved = [abs(to - place) for to, place in zip(spread(places, NAME_POINTS), places, strict=True)]
+    return tuple(ends) if max(moved) <= FARTHEST else ()
 
 
 def _last(line: list[Point]) -> tuple[float, float] | tuple[()]:

@@ -115,12 +115,12 @@ def test_a_name_in_letters_that_the_font_lacks_warns_nobody(recwarn):
 
 
 def test_many_lines_have_bars_and_names_at_their_ends_in_place_of_bands():
-    few, many = ([line([1.0, 2.0], name=f"m{k}", low=[0.5, 1.0], high=[2.0, 3.0]) for k in range(number)]
+    few, many = ([line([1.0, 2.0 + 3 * k], name=f"m{k}", low=[0.5, 1.0], high=[2.0, 3.0]) for k in range(number)]
                  for number in (MOST_BANDS, MOST_BANDS + 1))  # fmt: skip
     kinds = [{trace.kind for trace in drawn(*some).traces} & {"band", "bar"} for some in (few, many)]
     assert kinds == [{"band"}, {"bar"}]
     assert drawn(*few).ends == ()
-    assert [(name, x, y) for name, _, x, y in drawn(*many).ends] == [(f"m{k}", 10.0, 2.0) for k in range(4)]
+    assert [(name, x, y) for name, _, x, y in drawn(*many).ends] == [(f"m{k}", 10.0, 2.0 + 3 * k) for k in range(4)]
     texts = re.findall(r'data-end="(m\d)"> <text[^>]* y="([\d.]+)"', charts(many, "t")[0].svg)
     heights = sorted(float(y) for _, y in texts)
     assert len(heights) == 4
