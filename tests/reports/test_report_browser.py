@@ -309,6 +309,9 @@ def test_a_link_leads_to_its_section_and_unfolds_it(browser, view, address):
     assert not view.evaluate("document.querySelector('#metrics > details').open")
     view.locator('nav a[href="#metrics"]').click()
     assert view.evaluate("document.querySelector('#metrics > details').open")
+    view.locator("#metrics > details > summary").click()
+    view.wait_for_timeout(100)
+    assert not view.evaluate("document.querySelector('#metrics > details').open"), "it can be folded again"
     other, _ = opened(browser, f"{address}#provenance")
     assert other.evaluate("document.querySelector('#provenance > details').open")
     assert not other.evaluate("document.querySelector('#metrics > details').open")

@@ -25,6 +25,7 @@ const reading = (() => {
   function keepFolds() {
     const folds = [...document.querySelectorAll("section > details.fold")];
     const name = (fold) => fold.parentElement.id;
+    let told = false;
     const unfold = () => {
       const open = new Set((state.get("open") ?? "").split("."));
       for (const fold of folds) fold.open = open.has(name(fold)) || name(fold) === state.get("at");
@@ -32,11 +33,14 @@ const reading = (() => {
     if (state.get("open")) unfold();
     for (const fold of folds) {
       fold.addEventListener("toggle", () => {
-        if (!printing) state.set({ open: folds.filter(({ open }) => open).map(name).join(".") || null });
+        if (printing) return;
+        told = true; // what the reader folds by hand stays folded, a section that was linked to as well
+        state.set({ open: folds.filter(({ open }) => open).map(name).join(".") || null });
+        told = false;
       });
     }
     state.on((changed) => {
-      if (changed.has("open")) unfold();
+      if (changed.has("open") && !told) unfold();
     });
   }
 
