@@ -47,9 +47,15 @@ class Duel:
 
 @dataclass(frozen=True)
 class Headline:
-    title: str
+    answer: str
+    but: list[str]
+    """What qualifies the answer: unfinished training, lost runs."""
     sentences: list[str]
     duels: list[Duel]
+
+    @property
+    def title(self) -> str:
+        return "; ".join([self.answer, *self.but])
 
 
 def duels(records: Records) -> list[Duel]:
@@ -65,28 +71,30 @@ def headline(records: Records) -> Headline:
     """Answer the claims that the user states, if there are any; else compare the first two contenders."""
     fought = duels(records)
     sentences: list[str] = []
+    but: list[str] = []
     if records.contenders:
         method = records.contenders[0]
-        title = _title(records, method, fought)
+        answer, but = _outcome(records, method, fought)
         sentences += [_means(records), _others(records, fought), _bandwidth(records, method)]
         sentences += from_steps_to_time(records, method)
         sentences += [words for duel in fought for row in (duel.steps, duel.time) for words in doubts(row)]
     else:
-        title = f"Only {records.baseline} was run: there is nothing to compare it with"
-    if answer := _answer(records):
-        title, sentences = answer, [f"{title}.", *sentences]
-    return Headline(title, [sentence for sentence in sentences if sentence], fought)
+        answer = f"Only {records.baseline} was run: there is nothing to compare it with"
+    if stated := _stated(records):
+        sentences = [f"{'; '.join([answer, *but])}.", *sentences]
+        answer, but = stated
+    return Headline(answer, but, [sentence for sentence in sentences if sentence], fought)
 
 
-def _answer(records: Records) -> str:
-    """State whether the claims of `--claim` hold: that of a single claim with its figures."""
+def _stated(records: Records) -> tuple[str, list[str]] | None:
+    """State whether the claims of `--claim` hold: that of a single claim with its figures and what qualifies it."""
     files = [file for file in records.run.claims or [] if file.id == STATED]
     judged = [claim for claim in claims(records) if claim.file == STATED] if files else []
     if not judged:
-        return ""
+        return None
     if len(judged) > 1:
         each = [f"{many} {'is' if many == 1 else 'are'} {verdict}" for verdict, many in tally(judged)]
-        return f"Of {len(judged)} stated claims, {listed(each)}"
+        return f"Of {len(judged)} stated claims, {listed(each)}", []
     (claim,), (about,) = judged, (entry.of for entry in files[0].claims)
     names = [about[role] for role in ("method", "against") if role in about]
     figures = measured_entry(claim)
@@ -95,14 +103,19 @@ def _answer(records: Records) -> str:
         known = f"this would {claim.note}" if claim.verdict == UNTESTED else claim.note
     words = f"{ANSWERS[LOOKS[claim.verdict][1]]}: {known}; claimed: {printed_text(claim)}"
     more = [rising(row.gain for row in last_doublings(records.cells, names)), *(_lost(records, name) for name in names)]
-    return "; ".join(filter(None, [words, *more]))
+    return words, [each for each in more if each]
 
 
 def title_of(
     judged: Sequence[Outcome], method: str, baseline: str, control: str | None, how: str, more: Iterable[str] = ()
 ) -> str:
-    """State the differences of `method` at equal steps and, behind them, those of others; then `how` they were compared
-    and what `more` must be known. `control` is the baseline with the bandwidth of φ, if it was run.
+    """Return the answer of `answer_of`, and behind it what `more` must be known."""
+    return "; ".join(filter(None, [answer_of(judged, method, baseline, control, how), *more]))
+
+
+def answer_of(judged: Sequence[Outcome], method: str, baseline: str, control: str | None, how: str) -> str:
+    """State the differences of `method` at equal steps and, behind them, those of others; then `how` they were
+    compared. `control` is the baseline with the bandwidth of φ, if it was run.
     """
     first = {outcome.against: outcome for outcome in judged if outcome.method == method}
     if baseline in first:
@@ -115,7 +128,7 @@ def title_of(
     else:
         words = (none_shown(judged) if baseline in first else "") or "; ".join(filter(None, [start, clauses(others)]))
     words = words if words.startswith(method) else words[0].upper() + words[1:]
-    return "; ".join(filter(None, [f"{words} ({how})" if how else words, *more]))
+    return f"{words} ({how})" if how else words
 
 
 def _of_first(vs_baseline: Outcome, vs_control: Outcome | None, control: str | None) -> str:
@@ -141,28 +154,33 @@ def outcome_of(records: Records, row: Comparison | None) -> Outcome | None:
     return Outcome(row.method, row.against, (row.difference,), row.verdict, by_scene)
 
 
-def _title(records: Records, method: str, fought: list[Duel]) -> str:
-    """State the first contender's differences, then those of the second."""
+def _outcome(records: Records, method: str, fought: list[Duel]) -> tuple[str, list[str]]:
+    """State the first contender's differences; and what qualifies them, with those of the second unless one clause
+    says all.
+    """
     baseline, control = records.baseline, records.control
     cells = [cell for cell in records.cells if cell.method == method]
     lost = sum(cell.status in LOST for cell in cells)
     if cells and all(cell.status == "not_available" for cell in cells):
-        return f"{method} was not available: nothing can be said of it"
+        return f"{method} was not available: nothing can be said of it", []
     if cells and lost == len(cells):
-        return f"{method} did not finish a single run: nothing can be said of its quality"
+        return f"{method} did not finish a single run: nothing can be said of its quality", []
     two = records.contenders[:2]
     judged = [each for duel in fought if duel.method in two and (each := outcome_of(records, duel.steps))]
     losses = [words for name in (method, baseline) if (words := _lost(records, name))]
     compared = any((each.method, each.against) == (method, baseline) for each in judged)
     if losses and not compared:
-        return f"{' and '.join(losses)}: {method} and {baseline} cannot be compared"
+        return f"{' and '.join(losses)}: {method} and {baseline} cannot be compared", []
     how, more = ["at equal steps"] * any(duel.time for duel in fought), losses
     if compared:
         like = any(duel.steps and duel.steps.scenes_like_these for duel in fought)
         if not all(map(is_on_few_scenes, judged)):
             how.append("on scenes like these" if like else "on these scenes")
         more = [rising(row.gain for row in last_doublings(records.cells, [method, baseline])), *losses]
-    return title_of(judged, method, baseline, control, ", ".join(how), more)
+    others = [] if none_shown(judged) else [each for each in judged if each.method != method]
+    own = [each for each in judged if each not in others]
+    more = [clauses(others), *more]
+    return answer_of(own, method, baseline, control, ", ".join(how)), [words for words in more if words]
 
 
 def rising(gains: Iterable[float | None]) -> str:

@@ -30,16 +30,17 @@ FAILURES = {"diverged": "diverged", "error": "failed", "not_available": "not ava
 def scores_grid(records: Records) -> Grid:
     """Tabulate mean test PSNR ± standard deviation over seeds; train PSNR below it; what is printed of the methods."""
     frame, printed = cells_frame(records), printed_methods(records)
-    columns = [Column("scene", numeric=False), Column("floor", small="copy the nearest view")]
-    columns += [Column(method, method) for method in records.methods]
-    columns.append(Column("ceiling", small="noise of the truth"))
+    # the compared methods first: on a phone they are visible without scrolling
+    methods = list(dict.fromkeys([records.baseline, *records.contenders[:1], *records.methods]))
+    columns = [Column("scene", numeric=False), *(Column(method, method) for method in methods)]
+    columns += [Column("floor", small="copy the nearest view"), Column("ceiling", small="noise of the truth")]
     columns += [Column(name, small="printed") for _, name in printed]
 
     def row(title: str, scenes: list[str], scene: str = "") -> list[Entry]:
         about = [records.scene(name) for name in scenes]
         floors, ceilings = ([getattr(each, name, None) for each in about] for name in ("psnr_floor", "psnr_ceiling"))
-        entries = [Entry(title), _level(floors)]
-        for method in records.methods:
+        entries = [Entry(title)]
+        for method in methods:
             test, train = (
                 spread_of(frame, scene, method, score) if scene else average_of(frame, method, score, scenes)
                 for score in ("psnr", "psnr_train")
@@ -47,7 +48,7 @@ def scores_grid(records: Records) -> Grid:
             cells = records.cells_of(scene, method) if scene else []
             behind = Selection(scene, method, metric="psnr")
             entries.append(score_entry(test, train, cells, ceilings[0] if scene else None, behind))
-        entries.append(_level(ceilings))
+        entries += [_level(floors), _level(ceilings)]
         of_scenes = [_printed(records, name) for name in scenes]
         return entries + [_level([row.get(method) for row in of_scenes]) for method, _ in printed]
 
@@ -60,13 +61,13 @@ def scores_grid(records: Records) -> Grid:
     shared, every = shared_scenes(frame, "psnr"), len(records.scenes)
     title = "mean" if len(shared) == every else f"mean of {len(shared)} of {every} scenes"
     totals = [row(title, shared)] if len(shared) > 1 else []
-    gains = map(gain_entry, last_doublings(records.cells, records.methods))
+    gains = map(gain_entry, last_doublings(records.cells, methods))
     spent = [
         spent_entry([cell for cell in records.cells if (cell.method, cell.status) == (method, "done")])
-        for method in records.methods
+        for method in methods
     ]
     for words, entries in (("gain of the last doubling, dB", gains), ("training of a cell", spent)):
-        totals.append([Entry(words), Entry(""), *entries, *[Entry("")] * (1 + len(printed))])
+        totals.append([Entry(words), *entries, *[Entry("")] * (2 + len(printed))])
     return Grid("Test PSNR", columns, [row(scene, [scene], scene) for scene in records.scenes], totals, note)
 
 

@@ -8,14 +8,16 @@ import io
 import math
 import re
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 import matplotlib
 from markupsafe import Markup, escape
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
@@ -26,12 +28,16 @@ from reports.drawing.palette import INK
 from reports.drawing.traces import Kind, Panel, Trace, as_element
 
 
-def inline_svg(text: str, name: str, alt: str) -> str:
-    """Return a standalone SVG of Matplotlib changed so that it can share a page with others."""
+def inline_svg(text: str, name: str, alt: str, labels: Sequence[str] = ()) -> str:
+    """Return a standalone SVG of Matplotlib changed so that it can share a page with others; `labels` name the groups
+    with the ids `line-0`, … of lines and `end-0`, … of their names, which become `data-line` and `data-end`.
+    """
     body = text[text.index("<svg") :]
     box = re.search(r'viewBox="([^"]+)"', body)
     inner = body[body.index(">") + 1 : body.rindex("</svg>")]
     inner = re.sub(r"<metadata>.*?</metadata>|<style.*?</style>|<!--.*?-->", "", inner, flags=re.DOTALL)
+    inner = re.sub(r' id="(line|end)-(\d+)"', lambda of: f' data-{of[1]}="{escape(labels[int(of[2])])}"', inner)
+    inner = re.sub(r' id="axis-([xy])"', r' data-axis="\1"', inner)
     used = set(re.findall(r'(?:href="#|url\(#)([^")]+)', inner))
     inner = re.sub(r' id="([^"]+)"', lambda id: f' id="{name}-{id[1]}"' if id[1] in used else "", inner)
     inner = re.sub(r'(xlink:href="#|url\(#)', lambda use: f"{use[1].removeprefix('xlink:')}{name}-", inner)
@@ -49,6 +55,9 @@ FINEST = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0)
 """The labelled multiples of a power of ten on a short logarithmic axis."""
 DRAWABLE = 1e150
 """The end of the axes; logarithmic axes begin at its reciprocal. Far beyond, ticks are not finite."""
+
+NAME_POINTS = 10.5
+"""The height in points of a name at the end of a line."""
 
 STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
@@ -111,10 +120,11 @@ def draw(panel: Panel) -> Figure:
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=panel.size)
         longest = max((len(line) for row in panel.rows for line in row.splitlines()), default=0)
-        left = max(0.9, 0.25 + 0.068 * min(longest, 40)) if panel.rows else 0.62
+        left = max(0.9, 0.25 + 0.068 * min(longest, 40)) if panel.rows else 0.62 if panel.labelled else 0.42
         right = 0.12 + 0.062 * max(map(len, panel.figures), default=0)
+        right += 0.1 + 0.075 * max(len(name) for name, *_ in panel.ends) if panel.ends else 0.0
         width, height = panel.size
-        bottom, above = (0.12, 0.42) if panel.columns else (0.5, 0.12)
+        bottom, above = (0.12, 0.42) if panel.columns else (0.5 if panel.labelled else 0.25, 0.12)
         axes = figure.add_axes(
             (left / width, bottom / height, 1 - (left + right) / width, 1 - (bottom + above) / height), facecolor="none"
         )
@@ -128,8 +138,12 @@ def paint(axes: Axes, panel: Panel) -> None:
         if (limits := getattr(panel, f"{name}_limits")) is not None:
             # first: otherwise Matplotlib derives limits from all numbers, however large
             getattr(axes, f"set_{name}lim")(*_drawable(limits))
-    for trace in panel.traces:
-        _PENS[trace.kind](axes, trace)
+    for place, trace in enumerate(panel.traces):
+        drawn = _PENS[trace.kind](axes, trace)
+        for artist in drawn if isinstance(drawn, list) else [drawn]:
+            artist.set_gid(f"line-{place}")
+    axes.xaxis.set_gid("axis-x")
+    axes.yaxis.set_gid("axis-y")
     _axis(axes, panel, "x")
     _axis(axes, panel, "y")
     if panel.rows:
@@ -139,6 +153,7 @@ def paint(axes: Axes, panel: Panel) -> None:
         axes.yaxis.set_minor_locator(NullLocator())
     for place, words in enumerate(panel.figures):
         axes.text(1.02, place, words, transform=axes.get_yaxis_transform(), va="center", fontsize=8, color=INK.light)
+    _name_ends(axes, panel)
     if panel.columns:
         axes.xaxis.tick_top()
         axes.spines[:].set_visible(False)
@@ -154,10 +169,37 @@ def paint(axes: Axes, panel: Panel) -> None:
         axes.axhline(foot, color=palette.MUTED.light, linewidth=0.8, linestyle=(0, (1, 2)), zorder=1)
 
 
+def _name_ends(axes: Axes, panel: Panel) -> None:
+    """Name each line to the right of its last point; names that would overlap move apart."""
+    height = 72.0 * panel.size[1] * axes.get_position().height
+    to_axes = axes.transData + axes.transAxes.inverted()
+    placed = sorted((float(to_axes.transform((x, y))[1]) * height, *end) for end in panel.ends for _, _, x, y in [end])
+    at = spread([place for place, *_ in placed], NAME_POINTS)
+    for up, (_, name, colour, x, y) in zip(at, placed, strict=True):
+        named = axes.annotate(
+            name, (x, y), (1.02, up / height), textcoords="axes fraction", va="center", fontsize=8.5, color=colour,
+            annotation_clip=False, arrowprops={"arrowstyle": "-", "color": colour, "linewidth": 0.6, "alpha": 0.6},
+        )  # fmt: skip
+        for artist in filter(None, (named, named.arrow_patch)):
+            artist.set_gid(f"end-{len(panel.traces) + [end[0] for end in panel.ends].index(name)}")
+
+
+def spread(places: list[float], gap: float) -> list[float]:
+    """Move ascending places apart until neighbours are `gap` apart, each group about its own middle."""
+    groups: list[tuple[float, int]] = []  # middle and number of places
+    for place in places:
+        middle, many = place, 1
+        while groups and middle - groups[-1][0] < gap * (many + groups[-1][1]) / 2:
+            below, count = groups.pop()
+            middle, many = (middle * many + below * count) / (many + count), many + count
+        groups.append((middle, many))
+    return [middle + gap * (at - (many - 1) / 2) for middle, many in groups for at in range(many)]
+
+
 def _axis(axes: Axes, panel: Panel, name: str) -> None:
     scale, write = getattr(panel, f"{name}_scale"), tick
     axis = getattr(axes, f"{name}axis")
-    getattr(axes, f"set_{name}label")(getattr(panel, f"{name}_label"))
+    getattr(axes, f"set_{name}label")(getattr(panel, f"{name}_label") if panel.labelled else "")
     if scale != "linear":
         getattr(axes, f"set_{name}scale")(scale, **({"linthresh": panel.linear_below} if scale == "symlog" else {}))
     if scale == "linear":
@@ -190,49 +232,55 @@ def power(value: float) -> str:
     return "1" if value == 1 else scientific(value, 1) if value > 0 else tick(value)
 
 
-def _line(axes: Axes, trace: Trace) -> None:
+Drawn = Artist | list[Line2D]
+
+
+def _line(axes: Axes, trace: Trace) -> Drawn:
     style = {"linestyle": (0, trace.dash)} if trace.dash else {"solid_capstyle": "round"}
-    axes.plot(trace.x, trace.y, color=trace.colour, linewidth=trace.width, **style)
+    return axes.plot(trace.x, trace.y, color=trace.colour, linewidth=trace.width, **style)
 
 
-def _bins(axes: Axes, trace: Trace) -> None:
+def _bins(axes: Axes, trace: Trace) -> Drawn:
     """Draw bins; an empty bin has no place on a logarithmic axis and lies on its foot."""
     foot = axes.get_ylim()[0]
     edges = [*trace.x, trace.x_high[-1]]
-    axes.stairs([max(share, foot) for share in trace.y], edges, baseline=None, color=trace.colour, linewidth=1.4)
+    return axes.stairs([max(share, foot) for share in trace.y], edges, baseline=None, color=trace.colour, linewidth=1.4)
 
 
-def _range(axes: Axes, trace: Trace) -> None:
-    axes.hlines(trace.y, trace.x, trace.x_high, color=trace.colour, linewidth=2.0, alpha=0.75)
+def _range(axes: Axes, trace: Trace) -> Drawn:
+    return axes.hlines(trace.y, trace.x, trace.x_high, color=trace.colour, linewidth=2.0, alpha=0.75)
 
 
-def _mark(axes: Axes, trace: Trace) -> None:
+def _mark(axes: Axes, trace: Trace) -> Drawn:
     face = palette.PAPER.light if trace.hollow else trace.colour
-    axes.plot(trace.x, trace.y, trace.marker, mfc=face, mec=trace.colour, ms=trace.size, mew=1.2, zorder=3)
+    return axes.plot(trace.x, trace.y, trace.marker, mfc=face, mec=trace.colour, ms=trace.size, mew=1.2, zorder=3)
 
 
-def _band(axes: Axes, trace: Trace) -> None:
+def _band(axes: Axes, trace: Trace) -> Drawn:
     """Draw a band; a single point has no width to fill and is drawn as a bar."""
     if len(trace.x) == 1:
-        axes.vlines(trace.x, trace.y, trace.y_high, color=trace.colour, linewidth=2.0, alpha=0.4)
-    else:
-        axes.fill_between(trace.x, trace.y, trace.y_high, color=trace.colour, alpha=0.18, linewidth=0)
+        return axes.vlines(trace.x, trace.y, trace.y_high, color=trace.colour, linewidth=2.0, alpha=0.4)
+    return axes.fill_between(trace.x, trace.y, trace.y_high, color=trace.colour, alpha=0.18, linewidth=0)
 
 
-def _area(axes: Axes, trace: Trace) -> None:
+def _bar(axes: Axes, trace: Trace) -> Drawn:
+    return axes.vlines(trace.x, trace.y, trace.y_high, color=trace.colour, linewidth=1.6, alpha=0.5)
+
+
+def _area(axes: Axes, trace: Trace) -> Drawn:
     """Draw one path for all polygons, so that overlaps are filled once."""
     ends = [place for place, x in enumerate(trace.x) if math.isnan(x)]
     parts = zip([0, *(end + 1 for end in ends)], [*ends, len(trace.x)], strict=True)
     corners = [[*zip(trace.x[a:b], trace.y[a:b], strict=True), (trace.x[a], trace.y[a])] for a, b in parts]
     outline = Path.make_compound_path(*(Path(polygon, closed=True) for polygon in corners))
-    axes.add_patch(PathPatch(outline, facecolor=trace.colour, alpha=0.16, linewidth=0))
+    return axes.add_patch(PathPatch(outline, facecolor=trace.colour, alpha=0.16, linewidth=0))
 
 
-def _plotted(**style: Any) -> Callable[[Axes, Trace], object]:
+def _plotted(**style: Any) -> Callable[[Axes, Trace], Drawn]:
     return lambda axes, trace: axes.plot(trace.x, trace.y, color=trace.colour, **style)
 
 
-_PENS: dict[Kind, Callable[[Axes, Trace], object]] = {
+_PENS: dict[Kind, Callable[[Axes, Trace], Drawn]] = {
     "line": _line,
     "thin": _plotted(linewidth=0.8, alpha=0.45),
     "dots": _plotted(marker="o", linestyle="", markersize=4.6, markeredgewidth=0),
@@ -244,6 +292,7 @@ _PENS: dict[Kind, Callable[[Axes, Trace], object]] = {
     "range": _range,
     "mark": _mark,
     "band": _band,
+    "bar": _bar,
     "area": _area,
 }
 
@@ -255,7 +304,8 @@ def svg(panel: Panel, name: str) -> Markup:
         warnings.filterwarnings("ignore", "Glyph .* missing")  # text stays text: the reader's browser draws it
         drawn = draw(panel)
         drawn.savefig(buffer, format="svg", metadata={"Date": None})
-    return Markup(inline_svg(buffer.getvalue(), name, panel.alt)) + as_element(panel, drawn.axes[0])
+    labels = [*(trace.label for trace in panel.traces), *(name for name, *_ in panel.ends)]
+    return Markup(inline_svg(buffer.getvalue(), name, panel.alt, labels)) + as_element(panel, drawn.axes[0])
 
 
 class Plot(NamedTuple):

@@ -76,7 +76,9 @@ def sheet(drawings: Sequence[Drawing], across: int, size: tuple[float, float] | 
     for axes in grid.flat[len(panels) :]:
         axes.set_visible(False)
     for axes, (panel, key) in zip(grid.flat, drawings, strict=False):
-        own = replace(panel, x_label="" if x_label else panel.x_label, y_label="" if y_label else panel.y_label)
+        own = replace(
+            panel, x_label="" if x_label else panel.x_label, y_label="" if y_label else panel.y_label, ends=()
+        )
         paint(axes, own)
         axes.set_title(panel.title, fontsize=9, loc="left", color=INK.light)
         if not one_key:

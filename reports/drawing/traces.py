@@ -20,7 +20,9 @@ from reports.data.packing import as_data
 from reports.data.selection import Selection
 from reports.drawing import palette
 
-Kind = Literal["line", "thin", "dots", "cross", "floor", "outline", "bins", "range", "mark", "zero", "band", "area"]
+Kind = Literal[
+    "line", "thin", "dots", "cross", "floor", "outline", "bins", "range", "mark", "zero", "band", "bar", "area"
+]  # fmt: skip
 Scale = Literal["linear", "log", "symlog"]
 
 
@@ -28,9 +30,9 @@ Scale = Literal["linear", "log", "symlog"]
 class Trace:
     """Points of one kind and colour; `x` and `y` have the same length.
 
-    `bins` and the bars of a `range` reach from `x` to `x_high`, a `band` lies between `y` and `y_high`, an `area` is
-    the union of polygons of the same orientation, separated by NaN. A `line` may be dashed, a `mark` has a shape
-    (Matplotlib's letter), a `zero` is drawn at the foot of a logarithmic axis.
+    `bins` and the bars of a `range` reach from `x` to `x_high`, a `band` lies between `y` and `y_high`, as a `bar` at
+    each point does, an `area` is the union of polygons of the same orientation, separated by NaN. A `line` may be
+    dashed, a `mark` has a shape (Matplotlib's letter), a `zero` is drawn at the foot of a logarithmic axis.
     """
 
     label: str
@@ -67,9 +69,13 @@ class Panel:
     rows: tuple[str, ...] = ()
     figures: tuple[str, ...] = ()
     """The text to the right of each row."""
+    ends: tuple[tuple[str, str, float, float], ...] = ()
+    """The name, the colour and the last point of each line that is named there instead of only in a key."""
     columns: tuple[tuple[float, str], ...] = ()
     """Positions on the x axis with text above them, in place of its ticks."""
     size: tuple[float, float] = (3.7, 2.6)
+    labelled: bool = True
+    """Whether the axes carry their labels; small multiples share those of their first panel."""
     linear_below: float = 1.0
     """The value at which a `symlog` axis begins to be logarithmic."""
     zero_at: float | None = None

@@ -58,8 +58,8 @@ Groups = list[tuple[str, list[tuple[str, str]]]]
 HERE = Path(__file__).parent
 SCRIPTS = (
     *("state.js", "element.js", "numbers.js", "download.js", "menu.js"),
-    *("chart_scale.js", "figure_svg.js", "figures.js", "evidence.js", "runs.js"),
-    *("tables.js", "filter.js", "reading.js"),
+    *("chart_scale.js", "chart_view.js", "figure_svg.js", "figures.js", "evidence.js", "runs.js"),
+    *("tables.js", "filter.js", "reading.js", "newer.js"),
 )
 """The scripts of every page, for sorting, filtering and saving, in this order."""
 START = "start.js"
@@ -73,13 +73,17 @@ class Section(NamedTuple):
     title: str
     parts: list[Markup]
     question: str | None = None
-    """The question of a study, its heading; None for other sections."""
+    """The question of a study; None for other sections."""
+    answer: str = ""
+    """The answer of a study, its heading."""
     folded: bool = False
     """Whether it is folded at first; a link to it unfolds it."""
 
 
-def section(name: str, title: str, *parts: Markup, question: str | None = None, folded: bool = False) -> Section:
-    return Section(name, title, [part for part in parts if part.strip()], question, folded)
+def section(
+    name: str, title: str, *parts: Markup, question: str | None = None, answer: str = "", folded: bool = False
+) -> Section:
+    return Section(name, title, [part for part in parts if part.strip()], question, answer, folded)
 
 
 class Layout:
@@ -107,23 +111,42 @@ class Layout:
         files: bool = False,
         rules: str = "",
         fold_origins: bool = False,
+        groups: Mapping[str, tuple[str, ...]] | None = None,
+        before: Iterable[tuple[str, str]] = (),
         **content: object,
     ) -> str:
-        """Return a page as text; sections without parts are left out. `files` allows script files next to the page."""
+        """Return a page as text; sections without parts are left out. `files` allows script files next to the page.
+
+        `groups`: title in the contents → names of its sections, in the order of the page; the last group takes the
+        others. `before`: id and title of what stands above all sections, the beginning of the first group.
+        """
         origins = [
             self.parts.folded(name, self.parts.terms("provenance", pairs), place == 0)
             for place, (name, pairs) in enumerate(provenance)
         ]
         every = [*sections, section("provenance", "Provenance", *origins, folded=fold_origins)]
+        grouped = in_groups([part for part in every if part.parts], groups or {"": ()})
+        contents = [(group, [(part.name, part.title) for part in parts]) for group, parts in grouped.items()]
+        contents[0][1][:0] = before
         code = script(*scripts)
         return self.environment.get_template(template).render(
             **content,
             title=title,
-            sections=[part for part in every if part.parts],
+            sections=[part for parts in grouped.values() for part in parts],
+            contents=[(group, entries) for group, entries in contents if entries],
             policy=content_policy(code, files),
             script=Markup(code),
             style=style() + Markup(rules),
         )
+
+
+def in_groups(sections: list[Section], groups: Mapping[str, tuple[str, ...]]) -> dict[str, list[Section]]:
+    """Map group → its sections, in the order of `groups`; the last group takes the sections that none names."""
+    places = {name: group for group, names in groups.items() for name in names}
+    *_, last = groups
+    ordered = [name for names in groups.values() for name in names]
+    ranked = sorted(sections, key=lambda part: ordered.index(part.name) if part.name in ordered else len(ordered))
+    return {group: [part for part in ranked if places.get(part.name, last) == group] for group in groups}
 
 
 def named(text: str, colours: dict[str, palette.Colour]) -> Markup:

@@ -111,6 +111,76 @@ def _shown(pictures: Kept, cell: CellRecord, view: str, truth: Truth | None, sid
     return Shown(cell.method, f"{psnr}mean ΔE₀₀ {number(mean, 1)}", uri)
 
 
+class Exhibit(NamedTuple):
+    """Truth, baseline and contender of one view of one scene, and which of the two is closer to the truth where."""
+
+    title: str
+    why: str
+    """How the view was chosen."""
+    truth: str
+    renders: list[Shown]
+    difference: str | None
+    """A picture in the colours of the two methods; None unless both have one."""
+
+
+EXHIBIT_SIDE = 128
+LARGEST_ERROR = 0.2
+"""The difference of two errors of display colour that has a method's full colour."""
+
+
+def exhibit(records: Records) -> Exhibit | None:
+    """Return the first screen's pictures, of the scene with the median difference; None if no truth was kept."""
+    methods = list(dict.fromkeys([records.baseline, *records.contenders[:1]]))
+    scene, why = _typical_scene(records, methods)
+    if scene is None:
+        return None
+    seed, about = seed_shown(records, scene), records.scene(scene)
+    pictures = kept(records, scene, () if seed is None else (seed,))
+    view = first_view(pictures)
+    truth = pictures.truth.get(view) if view else None
+    if view is None or truth is None:
+        return None
+    cells = {cell.method: cell for cell in records.cells if (cell.scene, cell.seed) == (scene, seed)}
+    shown, errors, true, inks = [], [], as_picture(truth.display), colours_of(records.pictured)
+    for method in methods:
+        render = last_render(pictures, cells[method], view) if method in cells else None
+        if render is None or render.colour.shape != truth.display.shape:
+            shown.append(Shown(method, "no picture yet" if not records.run.finished else "no picture", None))
+            continue
+        score = next((scored.psnr for scored in cells[method].views if scored.view == view), None)
+        picture = as_picture(render.colour)
+        uri = data_uri(smaller(picture, EXHIBIT_SIDE))
+        shown.append(Shown(method, f"{number(score)} dB" if score is not None else "", uri))
+        errors.append(np.abs(picture - true).mean(axis=-1))
+    two = len(errors) == len(methods) == 2
+    return Exhibit(
+        about.title if about else scene,
+        f"View {view}, seed {seed}: {why}, its first kept view; chosen by this rule and not by appearance.",
+        data_uri(smaller(true, EXHIBIT_SIDE)),
+        shown,
+        data_uri(smaller(_closer(errors, [inks[name].light for name in methods]), EXHIBIT_SIDE)) if two else None,
+    )
+
+
+def _typical_scene(records: Records, methods: list[str]) -> tuple[str | None, str]:
+    """Return the scene with the lower median of the differences, else the first; among those with pictures."""
+    drawn = [scene for scene in records.scenes if seed_shown(records, scene) is not None]
+    rows = [records.comparison(scene, methods[-1], methods[0]) for scene in drawn]
+    ranked = sorted((row.difference, row.scene) for row in rows if row is not None and row.difference is not None)
+    if ranked:
+        many = f" of {counted(len(ranked), 'scene')}" if len(ranked) > 1 else ""
+        return ranked[(len(ranked) - 1) // 2][1], f"the scene of the median difference{many}"
+    return (drawn[0], "the first scene") if drawn else (None, "")
+
+
+def _closer(errors: list[np.ndarray], colours: list[str]) -> Picture:
+    """Colour each pixel by the method that is closer to the truth, the more the larger the difference of errors."""
+    inks = [np.array([int(colour[at : at + 2], 16) / 255 for at in (1, 3, 5)]) for colour in colours]
+    ahead = np.clip((errors[0] - errors[1]) / LARGEST_ERROR, -1.0, 1.0)[..., None]
+    ink = np.where(ahead > 0, inks[1], inks[0])
+    return np.asarray(1.0 - np.abs(ahead) * (1.0 - ink))
+
+
 INLINE_BYTES = 6_000_000
 FILE_BYTES = 32_000_000
 """The maximum bytes of base64 in the page, and in a file next to it."""

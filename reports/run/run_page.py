@@ -8,7 +8,6 @@ from markupsafe import Markup
 
 from harness.records.study import SHELVES
 from harness.records.targets import TargetsRecord
-from harness.records.verdict import phrase_with
 from reports.claims.claim_list import claims
 from reports.claims.estimands import rates_grid, senses_grid
 from reports.claims.first_screen import first_screen
@@ -18,9 +17,8 @@ from reports.claims.psnr_table import differences_grids, scores_grid
 from reports.claims.table import chapters, folds
 from reports.data import glossary, wording
 from reports.data.load import Records
-from reports.data.packing import as_data
+from reports.data.packing import as_data, as_json
 from reports.data.scale import compared_with, facts, in_a_line, is_at_scale, standing
-from reports.data.selection import behind_difference
 from reports.data.shelf_records import NO_SHELVES, ShelfRecords
 from reports.drawing.figure import plots
 from reports.drawing.palette import colours_of
@@ -30,8 +28,8 @@ from reports.run import metrics_table, pictures
 from reports.run.ceiling import ceilings
 from reports.run.curves import Diagram, chooser_rules, diagrams
 from reports.run.density import amplified_methods, further_grid, printed_form, separation_grid
-from reports.run.figures import FIGURES
-from reports.run.pictures import PictureData, picture_data, remove_others, views, write_files
+from reports.run.figures import FIGURES, MARGIN, ruler
+from reports.run.pictures import PictureData, exhibit, picture_data, remove_others, views, write_files
 from reports.run.runs_data import RUN_SCRIPTS, density_data, runs_data
 from reports.run.saving.citation import bibtex, records_digest
 from reports.run.time_to_target import at_risk_grid, notes, savings_grid, target_title
@@ -42,7 +40,17 @@ from scenes.files.atomic import write_atomically
 
 SCRIPTS = (*shell.SCRIPTS, *RUN_SCRIPTS, *pictures.SCRIPTS, shell.START)
 HEADING = Markup("<h3>{}</h3>")
+VERSION_FILE = "report.version.js"
 MUTED = Markup('<i class="swatch" style="background: var(--muted)"></i>')
+GROUPS = {
+    "Answer": ("claims",),
+    "Scores": ("psnr", "metrics", "further", "comparisons"),
+    "Time": ("convergence", "work", "reaching", "costs"),
+    "Pictures": ("pictures",),
+    "Interior": ("amplifier", "properties", "parameters", "left_out"),
+    "Evidence and limits": ("evidence", "stability", "serving", "rates", "failures", "warnings", "deviations"),
+}
+"""Title in the contents → the sections of its group, in the order of the page."""
 TABLES = {
     "Failure rates": ("rates", rates_grid),
     "Unfinished cells": ("failures", metrics_table.failures_grid),
@@ -84,14 +92,13 @@ def page(records: Records, shelves: ShelfRecords = NO_SHELVES) -> str:
 
 def _page(records: Records, shelves: ShelfRecords, pixels: PictureData | None, shown: dict[str, ShelfShown]) -> str:
     layout = Layout(colours_of(records.pictured))
-    filters = {"signed": wording.signed, "interval": wording.interval, "tone_of_sign": wording.tone_of_sign}
-    filters |= {"phrase_with": phrase_with, "as_data": as_data, "behind": behind_difference}
-    layout.environment.filters.update(filters)
+    layout.environment.filters["as_data"] = as_data
     run, ledger = records.run, claims(records, shelves)
     studies = [record for record in (shelves.evidence, shelves.stability, shelves.serving) if record is not None]
     shown = {record.shelf: shown.get(record.shelf) or shelf_shown(record) for record in studies}
     work, missing = diagrams(records), not_tested(run.not_tested, ledger)
     answer, source = headline(records), compared_with(records)
+    measured = list(filter(None, [ruler(records)]))
     return layout.page(
         "page.html",
         answer.title,
@@ -99,13 +106,19 @@ def _page(records: Records, shelves: ShelfRecords, pixels: PictureData | None, s
         provenance(records),
         fold_origins=True,
         scripts=SCRIPTS,
-        files=bool(pixels and pixels.files),
+        files=bool(pixels and pixels.files) or not run.finished,
         rules=chooser_rules(work),
+        groups=GROUPS,
+        before=[("answer", ""), *([("not-tested", "Not tested")] if missing else [])],
+        newest=None if run.finished else {"file": VERSION_FILE, "version": version(records)},
         records=records,
         run=run,
         headline=answer,
-        equal_time=wording.BUDGETS[records.budgets[1]],
-        ruler_like=any(duel.steps and duel.steps.scenes_like_these for duel in answer.duels),
+        exhibit=exhibit(records),
+        ruler=next(iter(plots(measured, "ruler")), None),
+        claimed=any(trace.label == "claimed" for panel in measured for trace in panel.traces),
+        margin=f"{MARGIN:g}",
+        stability=shown.get("stability"),
         first=first_screen(records, ledger, shelves),
         facts=facts(records),
         scale=in_a_line(records),
@@ -119,10 +132,10 @@ def _page(records: Records, shelves: ShelfRecords, pixels: PictureData | None, s
         warned=sum(bool(cell.all_warnings) for cell in records.cells),
         warning_kinds=metrics_table.warning_kinds(records),
         waiting=metrics_table.waiting(records),
-        shelves=shown.values(),
         pages_beside=[
             (page_of(shelf), words.link) for shelf, words in WORDS.items() if (records.out / SHELVES[shelf]).is_file()
         ],
+        broken=[shelf for shelf in shown.values() if shelf.broken and not shelf.record.is_quick],
         pixels=pixels,
         data={"runs": as_data(runs_data(records)), "density": as_data(density_data(records))},
     )
@@ -186,7 +199,7 @@ def _sections(content: _Content) -> Iterator[Section]:
         yield folded(name, title, parts.table(grid(records), False))
     yield content.shelf("serving")
     yield folded("deviations", "Deviations from the paper", parts.bullets(records.run.deviations))
-    yield folded("words", "Words used here", parts.terms("provenance", glossary.WORDS))
+    yield folded("words", "Glossary", parts.terms("provenance", glossary.WORDS))
     how = "`python -m reports OUT --export FILE.zip` writes all figures (PDF, SVG, PNG) and tables (CSV, LaTeX)."
     cited = Markup('<pre class="cite">{}</pre>').format(bibtex(records))
     yield folded("cite", "Cite this run, save all", parts.paragraph(shell.with_code(how)), cited)
@@ -274,14 +287,23 @@ def provenance(records: Records) -> shell.Groups:
     return [(title, [(name, value) for name, value in rows if value]) for title, rows in groups if rows]
 
 
+def version(records: Records) -> str:
+    """Return a word that differs between the pages of a run as it grows."""
+    return f"{records_digest(records)[:16]}{'-finished' if records.run.finished else ''}"
+
+
 def write_page(
     records: Records, path: Path, shelves: ShelfRecords = NO_SHELVES, shown: dict[str, ShelfShown] | None = None
 ) -> None:
-    """Write the pictures, then the page, each atomically: a reader never sees an incomplete page. `shown` holds, by
-    shelf, the sections of studies that were already laid out.
+    """Write the pictures, then the page, each atomically: a reader never sees an incomplete page. The small script that
+    an open page of an unfinished run asks for the newest version comes last. `shown` holds, by shelf, the sections of
+    studies that were already laid out.
     """
     pixels = picture_data(records)
     files = pixels.files if pixels else {}
     write_files(files, path.parent)
     write_atomically(path, _page(records, shelves, pixels, shown or {}), fsync=False)
+    newest = path.parent / VERSION_FILE
+    if not records.run.finished or newest.exists():  # a finished run tells the open page of its beginning
+        write_atomically(newest, f"reportVersion({as_json(version(records))});\n", fsync=False)
     remove_others(files, path.parent)

@@ -281,7 +281,7 @@ def judgement_page(record: JudgementRecord) -> str:
         headline(record),
         [
             section("methods", "Methods", parts.table(methods_grid(record, record.given), False)),
-            section("picture", "Picture", parts.figures(plots([panel(record)], "judgement"), "single")),
+            section("picture", "Means and groups", parts.figures(plots([panel(record)], "judgement"), "single")),
             section("pairs", "Pairs", parts.pairs(squares, margin) if squares else Markup("")),
             section(
                 "suspects",

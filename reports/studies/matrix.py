@@ -1,4 +1,4 @@
-"""Checks → the matrix study × subject, in full and in miniature.
+"""Checks → the matrix study × subject, in full, as marks only, and in miniature for a README.
 
 Each group of studies has a table with a column for each subject of several studies. The subject of a single study would
 be a column of one cell: it is shown below the row of its study instead.
@@ -53,6 +53,15 @@ class Row(NamedTuple):
     """The subjects without a column."""
 
 
+class Glance(NamedTuple):
+    """A row of the matrix as marks: the cells of each owner in `OWNERS` that has any in this record."""
+
+    name: str
+    anchor: str
+    title: str
+    marks: list[list[Cell]]
+
+
 class Group(NamedTuple):
     title: str
     subjects: list[tuple[str, str]]
@@ -70,6 +79,26 @@ def groups(record: Studies) -> list[Group]:
         )
         for letter in letters
     ]
+
+
+def glance(record: Studies) -> tuple[list[str], list[Glance]]:
+    """Return the owners of the tested forms, and a row of marks per study with a mark per subject of each owner."""
+    tried = {check.owner for _, check in record.checks()}
+    owners = [owner for owner in OWNERS if owner in tried]
+    rows = [
+        Glance(
+            study.info.id,
+            anchor(study),
+            study.info.title,
+            [list(cells_of([check for check in study.checks if check.owner == owner]).values()) for owner in owners],
+        )
+        for study in record.studies
+    ]
+    return [OWNERS[owner].removeprefix("the ") for owner in owners], rows
+
+
+def tones_of(group: Group) -> list[Tone]:
+    return [cell.tone for row in group.rows for cell in [*row.cells, *row.others] if cell is not None]
 
 
 def _group(title: str, studies: list[StudyRecord]) -> Group:

@@ -13,18 +13,18 @@ from markupsafe import Markup
 from harness.records.study import Check, Finding, Series, Studies, StudyRecord, Table
 from reports.data.wording import counted, duration, listed, of_any_size
 from reports.drawing.figure import svg
-from reports.drawing.palette import key
 from reports.drawing.series_charts import Chart, charts
 from reports.page import shell
 from reports.page.grid import Grid, table_grid
 from reports.page.shell import Layout, Section, section
-from reports.studies.check_words import LOOKS, OWNERS, anchor, checks_grid, describe, tone_of
+from reports.studies.check_words import LOOKS, OWNERS, Tone, anchor, checks_grid, describe, tone_of
 from reports.studies.forest import effects_grid, forest_key, forests
-from reports.studies.matrix import PENS, groups, miniature
+from reports.studies.matrix import glance, groups, tones_of
 from reports.studies.shelves import WORDS, ShelfWords, page_of
 from scenes.files.atomic import write_atomically
 from scenes.files.json_object import JsonObject
 
+GROUPS = {"Cases": ("matrix", "stability-outcomes", "stability-studies"), "Figures and provenance": ()}
 AT_ONCE = 4
 """The number of answers after the first that are not folded."""
 
@@ -58,48 +58,63 @@ def _sections(record: Studies) -> Iterator[Section]:
     def details(study: StudyRecord) -> list[Markup]:
         checks = checks_grid(f"Checks of {name_of(study, words)}", [(study, check) for check in study.checks])
         return [
-            own.answers(study.answers[:1], study.answers[1 : 1 + AT_ONCE], study.answers[1 + AT_ONCE :]),
-            parts.terms("about", about(study)),
+            own.answers(study.answers[:1] * words.folded, study.answers[1 : 1 + AT_ONCE], study.answers[1 + AT_ONCE :]),
+            *([parts.terms("about", about(study))] if words.folded else []),
             parts.table(checks, False, own="own checks"),
             _forests(study, of_interest(record), own),
             *lay_out(anchor(study), [] if words.chapters else study.findings),
+            *([] if words.folded else [parts.folded("How it was measured", parts.terms("about", about(study)))]),
         ]
 
     if cases := groups(record):
         tones = {tone_of(check) for _, check in record.checks()}
         legend = [(tone, look.mark, look.meaning) for tone, look in LOOKS.items() if tone in tones]
-        keys = [(LOOKS[tone].meaning, key(PENS[tone], line=False)) for tone in LOOKS if tone in tones]
-        small = [Chart(panel.title, keys, svg(panel, "matrix"), [], wide=True) for panel in miniature(record)]
-        yield section("matrix", "Case by case", own.matrix(words.noun[0], legend, small, cases))
-    tables = [parts.table(grid, own="own checks") for grid in _tables(record)]
-    yield section(f"{record.shelf}-outcomes", words.outcomes, *tables)
+        full = [own.matrix(words.noun[0], group, tally_of(tones_of(group))) for group in cases]
+        yield section("matrix", "Case by case", own.glance(legend, *glance(record)), *full)
+    tables = [(grid, parts.table(grid, not words.folded, own="own checks")) for grid in _tables(record)]
+    outcomes = [parts.folded(grid.caption, table) if words.folded else table for grid, table in tables]
+    yield section(f"{record.shelf}-outcomes", words.outcomes, *outcomes)
     every = [finding for study in record.studies for finding in study.findings if isinstance(finding, Series | Table)]
     numbers = {finding.item for finding in every} if words.chapters else set()
     for item in sorted(numbers, key=lambda item: (item not in words.chapters, item)):  # unknown chapters come last
         title, name = words.chapters.get(item, f"Chapter {item}"), f"chapter-{item}"
-        yield section(name, title, *lay_out(name, [finding for finding in every if finding.item == item]))
+        yield section(name, title, *lay_out(name, [finding for finding in every if finding.item == item]), folded=True)
     if words.folded:
         folded = [_folded(study, own, name_of(study, words), details(study)) for study in record.studies]
         yield section(f"{record.shelf}-studies", f"Every {words.noun[0]} in full", *folded)
     else:
         for study in record.studies:
-            yield section(anchor(study), name_of(study, words), *details(study), question=study.info.question)
+            answer = next(iter(study.answers), "")
+            title, question = name_of(study, words), study.info.question
+            yield section(anchor(study), title, *details(study), question=question, answer=answer)
 
 
 def _folded(study: StudyRecord, own: Any, title: str, details: list[Markup]) -> Markup:
     """Lay out a study that is folded, unless one of its checks fails."""
     tones = [tone_of(check) for check in study.checks]
-    tally = [(tone, look.mark, tones.count(tone)) for tone, look in LOOKS.items() if tone in tones]
-    laid_out: Markup = own.folded_study(anchor(study), title, "fails" in tones, tally, details)
+    laid_out: Markup = own.folded_study(anchor(study), title, "fails" in tones, tally_of(tones), details)
     return laid_out
+
+
+def tally_of(tones: list[Tone]) -> list[tuple[Tone, str, int]]:
+    """Return each tone with its mark and how often it occurs, in the order of `LOOKS`."""
+    return [(tone, look.mark, tones.count(tone)) for tone, look in LOOKS.items() if tone in tones]
 
 
 def about(study: StudyRecord) -> list[tuple[str, str]]:
     """Return how a study was made, as pairs of a term and a text."""
-    pairs = [("how", study.info.method), ("scale", study.scale)]
+    pairs = [("how", study.info.method), ("scale", _merged(study.scale))]
     pairs += [("passes if" if fact == "bar" else fact, text) for fact, text in study.info.facts.items()]
     pairs += [("took", duration(study.seconds))] if study.seconds else []
     return [(term, text) for term, text in pairs if text]
+
+
+def _merged(scale: str) -> str:
+    """Say once what the scales of several runs share: `lego; 4 s | lego; 15 s` → `lego; 4 s, 15 s`."""
+    scales = [each.split("; ") for each in scale.split(" | ")]
+    if len({len(each) for each in scales}) > 1:
+        return scale
+    return "; ".join(", ".join(dict.fromkeys(facts)) for facts in zip(*scales, strict=True))
 
 
 def _forests(study: StudyRecord, of_interest: dict[str, float], own: Any) -> Markup:
@@ -229,6 +244,8 @@ def study_page(shown: ShelfShown, has_report: bool = False) -> str:
         shown.headline,
         shown.sections,
         shell.groups_of(record.provenance, record.settings, [*total, *spent]),
+        fold_origins=shown.words.folded,
+        groups=GROUPS if shown.words.chapters else None,
         shelf=shown,
         report=shell.RUN_PAGE if has_report else "",
     )

@@ -59,7 +59,7 @@ def test_spread_is_over_finished_seeds_and_averages_over_scenes_that_every_metho
     assert one.sd is None
     assert "±" not in score_entry(one, one, [], None).text, "of one seed"
     alone = replace(records, cells=[cell for cell in records.cells if (cell.scene, cell.seed) == ("drums", 2)])
-    assert scores_grid(alone).rows[-1][4] == Entry("1 of 1 diverged", tone="failed")
+    assert scores_grid(alone).rows[-1][2] == Entry("1 of 1 diverged", tone="failed")
 
 
 def test_differences_are_those_of_the_comparisons(records: Records):
@@ -254,9 +254,10 @@ def test_a_row_belongs_to_a_scene_only_where_all_of_it_does():
 
 def test_cells_of_the_score_tables_know_their_runs(records):
     grid = scores_grid(records)
-    assert grid.rows[0][2].runs == Selection("chair", "nerf", metric="psnr")
+    assert labels(grid)[:6] == ["scene", "nerf", "qnerf", "nerf_matched", "floor", "ceiling"], "the compared first"
+    assert grid.rows[0][1].runs == Selection("chair", "nerf", metric="psnr")
     mean = sum(cell.scores["psnr"] for cell in records.cells_of("chair", "nerf")) / 3
-    assert grid.rows[0][2].value == pytest.approx(mean)
+    assert grid.rows[0][1].value == pytest.approx(mean)
     blank = metrics_grid(records).rows[1]
     assert (blank[0].text, blank[0].value) == ("", "chair")
     row, entry = records.comparisons[0], comparisons_grid(records).rows[0][4]

@@ -2,13 +2,14 @@
 
 import math
 import re
+from itertools import pairwise
 
 import pytest
 
 from harness.records.study import Series
-from reports.drawing.figure import draw, svg
+from reports.drawing.figure import draw, spread, svg
 from reports.drawing.palette import COLOURS, KNOWN, pens_of
-from reports.drawing.series_charts import charts, panels_of, points
+from reports.drawing.series_charts import MOST_BANDS, charts, panels_of, points
 from reports.drawing.traces import Panel, Trace
 
 
@@ -111,3 +112,35 @@ def test_svg_is_fit_for_a_page_with_others():
 def test_a_name_in_letters_that_the_font_lacks_warns_nobody(recwarn):
     assert "光场" in str(svg(drawn(line([1.0, 2.0], name="光场")), "one-2"))
     assert not recwarn.list
+
+
+def test_many_lines_have_bars_and_names_at_their_ends_in_place_of_bands():
+    few, many = ([line([1.0, 2.0 + 3 * k], name=f"m{k}", low=[0.5, 1.0], high=[2.0, 3.0]) for k in range(number)]
+                 for number in (MOST_BANDS, MOST_BANDS + 1))  # fmt: skip
+    kinds = [{trace.kind for trace in drawn(*some).traces} & {"band", "bar"} for some in (few, many)]
+    assert kinds == [{"band"}, {"bar"}]
+    assert drawn(*few).ends == ()
+    assert [(name, x, y) for name, _, x, y in drawn(*many).ends] == [(f"m{k}", 10.0, 2.0 + 3 * k) for k in range(4)]
+    texts = re.findall(r'data-end="(m\d)"> <text[^>]* y="([\d.]+)"', charts(many, "t")[0].svg)
+    heights = sorted(float(y) for _, y in texts)
+    assert len(heights) == 4
+    assert all(below - above > 9 for above, below in pairwise(heights)), "no name on another"
+
+
+@pytest.mark.parametrize(
+    ("places", "moved"),
+    [([0.0, 20.0], [0.0, 20.0]), ([0.0, 0.0], [-5.0, 5.0]), ([0.0, 9.0, 11.0], [-10 / 3, 20 / 3, 50 / 3]), ([], [])],
+)
+def test_names_move_apart_about_their_middle(places, moved):
+    assert spread(places, 10.0) == pytest.approx(moved)
+
+
+def test_panels_of_one_family_are_small_share_axes_and_one_key():
+    lines = [Series(f"Error, {scene}", 1, "a", "x", "y", [1.0, 2.0], [k, k + 1.0])
+             for k, scene in enumerate(("all scenes", "chair", "lego"), 1)]  # fmt: skip
+    (chart,) = charts([*lines], "t")
+    assert (chart.title, [small.title for small in chart.multiples]) == ("Error, all scenes", ["chair", "lego"])
+    assert [small.keys for small in chart.multiples] == [[], []]
+    ends = [re.search(r'"y":\{[^}]*"low":([\d.]+),"high":([\d.]+)', small.svg).groups() for small in chart.multiples]
+    assert ends[0] == ends[1]
+    assert len(charts(lines[:2], "t")) == 2, "two are no family"

@@ -18,12 +18,14 @@ HOSTILE = "<script>alert('$\\frac$')</script>"
 """Markup, and a formula that Matplotlib cannot parse."""
 
 
-def foreign_scripts(text: str) -> list[str]:
-    """Return the scripts that could run and do not match the digest in the page's policy."""
+def foreign_scripts(text: str, files: bool = False) -> list[str]:
+    """Return the scripts that could run and do not match the digest in the page's policy; `files` says that it allows
+    script files next to the page.
+    """
     elements = re.findall(r"<script([^>]*)>(.*?)</script>", text, re.DOTALL | re.IGNORECASE)
     running = [body for attributes, body in elements if 'type="application/' not in attributes]
     allowed = html.unescape(re.search(r'Content-Security-Policy" content="([^"]*)"', text)[1])
-    return [body for body in running if content_policy(body) != allowed]
+    return [body for body in running if content_policy(body, files) != allowed]
 
 
 def without_code(text: str) -> str:

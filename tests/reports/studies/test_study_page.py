@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from harness.records.study import Answer, Check, Series, Studies, Table
 from reports.data.studies_load import find_studies
-from reports.studies.study_page import headline, sentences, shelf_shown
+from reports.studies.study_page import about, headline, sentences, shelf_shown
 from reports.studies.study_page import study_page as page_of
 from tests.reports.fake_studies import fake_studies, study, write_fake_studies
 from tests.reports.run.test_page import Outline, without_code
@@ -83,7 +83,7 @@ def test_every_check_is_in_the_details_with_its_reason():
     record = fake_studies("stability", failing=True, charts=False)
     text = study_page(record)
     for study_of in record.studies:
-        start = text.index(f'<div id="study-{study_of.info.id}">')
+        start = text.index(f'<details class="study" id="study-{study_of.info.id}"')
         own = seen(text[start : text.index("</details>", start)])
         for words in study_of.info.facts.values():
             assert words in own, words
@@ -123,3 +123,24 @@ def test_a_record_comes_back_as_it_was_written_but_for_what_is_not_finite(tmp_pa
     assert [(line.name, line.y[:2]) for line in lost] == [("log_space", [None, None])]
     assert read.studies[1].tables[0].rows[0][2] == "not finite (nan)"
     assert find_studies(tmp_path / "stability", "stability") is None
+
+
+def test_the_answer_of_a_study_is_its_heading_and_the_scale_says_once_what_runs_share():
+    record = with_findings("evidence", Answer("It is 3."), Answer("More."))
+    text = study_page(record)
+    assert "<h2>It is 3.</h2>" in text
+    assert text.count("It is 3.") == 1
+    scaled = replace(record.studies[0], scale="lego; 4 s; 8 px | lego; 15 s; 8 px")
+    assert dict(about(scaled))["scale"] == "lego; 4 s, 15 s; 8 px"
+    assert dict(about(replace(scaled, scale="lego; 4 s | lego")))["scale"] == "lego; 4 s | lego"
+
+
+def test_the_matrix_as_marks_comes_first_with_one_legend():
+    record = fake_studies("stability", failing=True, charts=False)
+    text = study_page(record)
+    main = text[text.index("<main>") :]
+    assert main.index('class="scroll glance"') < main.index("<details")
+    assert text.count('class="marks"') == 1
+    marks = re.findall(r'class="([a-z]+) mark" title', text)
+    tried = {(study_of.info.id, check.owner, check.subject) for study_of, check in record.checks()}
+    assert len(marks) == len(tried), "a mark per case, owner of the form and subject"

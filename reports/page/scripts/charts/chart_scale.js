@@ -12,6 +12,30 @@ const chartScale = (() => {
     };
   }
 
+  function backward(axis) {
+    if (axis.scale === "log") return (place) => 10 ** place;
+    if (axis.scale !== "symlog") return (place) => place;
+    const [inner, stretch] = [axis.linear_below, 1 / 0.9];
+    return (place) => {
+      const size = Math.abs(place);
+      return size <= inner * stretch ? place / stretch : Math.sign(place) * inner * 10 ** (size / inner - stretch);
+    };
+  }
+
+  // The axis whose ends are at these shares of the length of another.
+  function part(axis, from, to) {
+    const [transform, value] = [forward(axis), backward(axis)];
+    const [low, high] = [transform(axis.low), transform(axis.high)];
+    return { ...axis, low: value(low + from * (high - low)), high: value(low + to * (high - low)) };
+  }
+
+  // The chart of a part of its drawing, [[left, right], [top, bottom]].
+  function enlarged(chart, [x, y]) {
+    const [left, top, width, height] = chart.box;
+    const [across, up] = [x.map((at) => (at - left) / width), y.map((at) => 1 - (at - top) / height)];
+    return { ...chart, x: part(chart.x, ...across), y: part(chart.y, up[1], up[0]) };
+  }
+
   // Value → place along an axis that begins at `start` and is `length` long.
   function along(axis, start, length) {
     const transform = forward(axis);
@@ -48,12 +72,13 @@ const chartScale = (() => {
     return typeof trace.x === "number" ? chart.traces[trace.x].x : trace.x;
   }
 
-  // About six at most: round numbers on a linear axis, powers of ten on other axes.
+  // About six at most: round numbers on a linear or short axis, powers of ten on other axes.
   function ticks(axis) {
     const evenly = (from, to, step) => Array.from({ length: Math.floor((to - from) / step + 1e-9) + 1 }, (_, place) => from + place * step);
-    if (axis.scale === "linear") {
-      const step = 10 ** Math.floor(Math.log10(axis.high - axis.low)) / 2;
-      return evenly(axis.low, axis.high, step * Math.ceil((axis.high - axis.low) / step / 5 - 1e-9));
+    if (axis.scale === "linear" || axis.low < 0 || axis.high < 30 * axis.low) {
+      const size = 10 ** Math.floor(Math.log10(axis.high - axis.low)) / 2;
+      const step = size * Math.ceil((axis.high - axis.low) / size / 5 - 1e-9);
+      return evenly(Math.ceil(axis.low / step - 1e-9) * step, axis.high, step);
     }
     const lowest = axis.scale === "symlog" ? axis.linear_below : axis.low;
     const [from, to] = [Math.ceil(Math.log10(lowest) - 1e-9), Math.floor(Math.log10(axis.high) + 1e-9)];
@@ -64,7 +89,7 @@ const chartScale = (() => {
 
   function label(value) {
     const power = Math.log10(value);
-    if (value === 0 || Math.abs(power - Math.round(power)) > 1e-6 || (value >= 0.01 && value < 999)) return numbers.brief(value);
+    if (!(Math.abs(power - Math.round(power)) < 1e-6) || (value >= 0.01 && value < 999)) return numbers.brief(value);
     return `10${[...String(Math.round(power))].map((sign) => (sign === "-" ? "⁻" : "⁰¹²³⁴⁵⁶⁷⁸⁹"[sign])).join("")}`;
   }
 
@@ -90,5 +115,5 @@ const chartScale = (() => {
     const start = `M${to.x(xs(chart, trace)[0]).toFixed(1)} ${heightOf(chart, to, trace.y[0]).toFixed(1)}`;
     return element.svg("path", { d: `${start}${steps.join("")}`, fill: "none", stroke: `var(${trace.colour})`, "stroke-width": 1.6 });
   }
-  return { points, xs, frame, outline };
+  return { points, xs, frame, outline, enlarged };
 })();

@@ -22,7 +22,7 @@ const figureSvg = (() => {
 
   function standalone(svg, chart) {
     const copy = svg.cloneNode(true);
-    copy.querySelector(".ring")?.remove();
+    for (const own of copy.querySelectorAll(".ring, .part")) own.remove();
     const [left, top, width, height] = svg.getAttribute("viewBox").split(" ").map(Number);
     for (const name of ["class", "tabindex"]) copy.removeAttribute(name);
     const title = element.svg("text", { x: left + 6, y: top - HEAD + 13, "font-size": 10.5, "font-weight": 600, fill: "var(--ink)" }, chart.title);

@@ -17,7 +17,10 @@ const figures = (() => {
 
   function setChart(figure, chart) {
     figure.chart = chart;
-    figure.points = chartScale.points(chart).filter(({ trace }) => trace.kind !== "floor" || trace.y.length > 2);
+    const [left, top, width, height] = chart.box;
+    const inside = ([x, y]) => x > left - 1 && x < left + width + 1 && y > top - 1 && y < top + height + 1;
+    figure.points = chartScale.points(chart).filter(({ trace, at }) =>
+      (trace.kind !== "floor" || trace.y.length > 2) && (chart === figure.whole?.chart || !figure.shownPart || inside(at)) && !chartView.isHidden(figure, trace.label));
     if (shown?.figure === figure) hide();
   }
 
@@ -153,6 +156,7 @@ const figures = (() => {
       ["SVG", () => download.save(title, "svg", figureSvg.standalone(svg, chartOf(figure)), "image/svg+xml")],
       ["CSV", () => download.save(title, "csv", csv(chartOf(figure)), "text/csv")],
     ]);
+    chartView.enhance(figure, chartOf);
     svg.tabIndex = 0;
     svg.addEventListener("pointermove", (event) => chartOf(figure) && show(figure, nearest(figure, event)));
     svg.addEventListener("pointerleave", hide);
@@ -176,12 +180,16 @@ const figures = (() => {
 
   const all = () => [...document.querySelectorAll("figure:has(script.drawn)")];
 
+  // The place of the point that the tip describes, if it is in this figure.
+  const pointed = (figure) => (shown?.figure === figure ? shown.point.at : null);
+
   function start() {
     all().forEach(enhance);
+    chartView.startLegends();
     for (const image of document.querySelectorAll("figure > img[src^='data:image/png']")) {
       const title = titleOf(image.parentElement, image.alt);
       addSave(image.parentElement, title, "picture", [["PNG", () => download.saveFrom(title, "png", image.src)]]);
     }
   }
-  return { start, all, about, enhance, setChart };
+  return { start, all, about, enhance, setChart, chartOf, pointed };
 })();

@@ -3,6 +3,7 @@ const reading = (() => {
   const KEYS = [
     ["/", "filter: the rows of the visible table, or scenes and methods"],
     ["arrows", "move between cells of a table, or between points of a focused figure"],
+    ["+ − 0", "enlarge a focused figure, or show all of it; so does a dragged rectangle"],
     ["Enter", "the runs behind a cell or a point"],
     ["Esc", "close"],
     ["?", "these keys"],
@@ -24,6 +25,7 @@ const reading = (() => {
   function keepFolds() {
     const folds = [...document.querySelectorAll("section > details.fold")];
     const name = (fold) => fold.parentElement.id;
+    let told = false;
     const unfold = () => {
       const open = new Set((state.get("open") ?? "").split("."));
       for (const fold of folds) fold.open = open.has(name(fold)) || name(fold) === state.get("at");
@@ -31,11 +33,14 @@ const reading = (() => {
     if (state.get("open")) unfold();
     for (const fold of folds) {
       fold.addEventListener("toggle", () => {
-        if (!printing) state.set({ open: folds.filter(({ open }) => open).map(name).join(".") || null });
+        if (printing) return;
+        told = true; // what the reader folds by hand stays folded, a section that was linked to as well
+        state.set({ open: folds.filter(({ open }) => open).map(name).join(".") || null });
+        told = false;
       });
     }
     state.on((changed) => {
-      if (changed.has("open")) unfold();
+      if (changed.has("open") && !told) unfold();
     });
   }
 

@@ -9,4 +9,5 @@
   filter.start(bar);
   reading.start(bar);
   runs.start();
+  newer.start();
 })();

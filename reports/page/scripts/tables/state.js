@@ -66,12 +66,15 @@ const state = (() => {
     listeners.push(listener);
   }
 
-  function goTo(name, focused = false) {
+  // On arrival at once: a smooth movement would end where the target was before the page was laid out.
+  function goTo(name, focused = false, behavior = "auto") {
     const target = name && document.getElementById(name);
     if (!target) return;
     target.querySelector(":scope > details.fold")?.setAttribute("open", "");
     for (let node = target; node; node = node.parentElement) if (node.tagName === "DETAILS") node.open = true;
-    target.scrollIntoView();
+    const land = () => target.scrollIntoView({ behavior });
+    land();
+    requestAnimationFrame(() => requestAnimationFrame(land)); // after folds above have opened or closed
     if (!focused) return;
     if (target.tabIndex < 0) target.tabIndex = -1;
     target.focus({ preventScroll: true });
@@ -95,6 +98,6 @@ const state = (() => {
     event.preventDefault();
     go(decoded(link.getAttribute("href").slice(1)));
   });
-  addEventListener("DOMContentLoaded", () => goTo(get("at")));
+  for (const arrived of ["DOMContentLoaded", "load"]) addEventListener(arrived, () => goTo(get("at"), false, "instant"));
   return { get, set, on, go };
 })();
