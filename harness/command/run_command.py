@@ -8,12 +8,12 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from harness.command.live_page import LivePage
 from harness.command.machine_options import MACHINE_OPTIONS, chosen_machine, unused_by
 from harness.command.options import Command, Options, flag, option, reported
 from harness.command.plan_options import PLAN_OPTIONS, planned_by
 from harness.execution.progress import Progress
 from harness.machine.cores import physical_cores
+from harness.run_folder.live_page import LivePage
 from scenes.files.errors import InputError
 
 if TYPE_CHECKING:

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from baselines.catalog import GIVEN
 from baselines.contract import Box, Rays
 from harness.execution.ground_truth import is_cached, rendering_seconds
 from harness.execution.progress import SPREAD, Range, span
@@ -131,9 +130,8 @@ def groups_left(plan: Plan, before: Path | None) -> Groups:
 
     groups = plan.groups().items()
     left = [methods for (scene, seed), methods in groups if not all(is_there(scene, name, seed) for name in methods)]
-    # a guest takes as long as the baseline, Gaussians that are given no time
-    baseline = plan.roles.among(plan.methods).baseline
-    return left + [() if key[1] == GIVEN else (baseline,) for key in plan.guest_cells() if not is_there(*key)]
+    # Gaussians that are given take no time
+    return left + [() for key in plan.guest_cells() if not is_there(*key)]
 
 
 def estimate_from(

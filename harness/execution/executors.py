@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from harness.execution.arriving import Arriving
+    from harness.execution.ground_truth import Arriving
     from harness.execution.group_loop import Event
     from harness.plan.group_task import GroupTask
     from harness.plan.run_plan import Machine

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
-from harness.execution.arriving import Arrival
+from harness.execution.ground_truth import Arrival
 from harness.execution.group import failed_cells, missing_methods
 from harness.execution.progress import RenderProgress
 from harness.plan.group_task import GroupTask

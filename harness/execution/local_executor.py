@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 
-from harness.execution.arriving import Arrival, Arriving
+from harness.execution.ground_truth import Arrival, Arriving
 from harness.execution.group import run_group
 from harness.execution.group_loop import Attempt, End, Event, News, run_at
 from harness.machine.cores import own_cores

@@ -11,9 +11,8 @@ from msgspec import structs
 
 from baselines.catalog import GIVEN
 from baselines.methods.explicit import GivenSettings
-from harness.execution.arriving import Arriving
 from harness.execution.executors import device_here, run_groups
-from harness.execution.ground_truth import view_set_folders
+from harness.execution.ground_truth import Arriving, view_set_folders
 from harness.execution.group import missing_methods
 from harness.execution.group_loop import Event
 from harness.execution.local_executor import run_locally
@@ -32,7 +31,6 @@ from harness.records.cells import (
     SceneRecord,
     cell_path,
     digests_of,
-    read_cell,
     read_cells_of,
     write_comparisons,
     write_run,
@@ -81,7 +79,7 @@ def run(
         try:
             with this.phases.timed("train"):
                 this.train(arriving)
-                this.score_guests()
+                this.score_given()
         except KeyboardInterrupt:
             this.write()
             raise KeyboardInterrupt(_kept(out, this.keys)) from None
@@ -193,28 +191,14 @@ class _Run:
                     self.on_group()
         drop_folder(self.out)
 
-    def score_guests(self) -> None:
-        """Score the missing guests: Gaussians as they are given, and a method that is trained for scale, on each scene
-        for the baseline's core seconds if these are known.
-        """
-        plan, out, baseline = self.plan, self.out, self.record.roles.baseline
-        _ended_cells(out, plan.guest_cells())
-        due = []
-        for task in (task for task in self.tasks if task.seed == plan.seeds[0]):
-            path = cell_path(out, task.scene, baseline, task.seed)
-            if plan.given:
-                due.append(replace(task, methods=(GIVEN,), budget=Budget(0, None)))
-            if plan.guest and path.exists() and (seconds := read_cell(path).train_core_seconds):
-                due.append(replace(task, methods=(plan.guest,), budget=Budget(None, None, seconds)))
-        for guest in plan.guests:  # one after the other, as both are groups of the same scenes and seed
-            missing = [task for task in due if task.methods == (guest,) and missing_methods(task)]
-            if not missing:
-                continue
-            if guest != GIVEN:
-                self.show.line(f"training {guest} for scale, on each scene for the core seconds of {baseline}")
-            for _ in self._events(missing):
-                pass
-            drop_folder(out)
+    def score_given(self) -> None:
+        """Score the Gaussians that are given, with the first seed."""
+        _ended_cells(self.out, self.plan.guest_cells())
+        due = [task for task in self.tasks if self.plan.given and task.seed == self.plan.seeds[0]]
+        given = [replace(task, methods=(GIVEN,), budget=Budget(0, None)) for task in due]
+        for _ in self._events([task for task in given if missing_methods(task)]):
+            pass
+        drop_folder(self.out)
 
     def _events(self, tasks: list[GroupTask], arriving: Arriving | None = None) -> Iterator[Event]:
         for event in run_groups(self.machine, tasks, self._origin["commit"], run_locally, arriving):

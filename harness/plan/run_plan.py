@@ -18,7 +18,7 @@ from harness.plan.settings import ScoreSettings, TrainSettings, ViewSettings
 from harness.records.cells import USUAL, Roles
 from harness.records.claims import ClaimFile
 
-APART = ("scenes", "methods", "seeds", "render_limit", "lpips", "guest", "claims", "roles")
+APART = ("scenes", "methods", "seeds", "render_limit", "lpips", "claims", "roles")
 """The fields of `Plan` that `Plan.settings` writes elsewhere or not at all."""
 
 
@@ -49,8 +49,6 @@ class Plan:
     render_limit: float | None = None
     """The seconds that the scene file, or one of its views, may take; None: the default. No result depends on it."""
     extras: tuple[Extra, ...] = ()
-    guest: str | None = None
-    """A method of another family, trained with the first seed for the baseline's core seconds, but not compared."""
     given: tuple[tuple[str, str], ...] = ()
     """File and SHA-256 of the Gaussians of each scene that another program trained: scored, but not compared."""
     lpips: str | None = None
@@ -122,15 +120,16 @@ class Plan:
 
     @property
     def guests(self) -> tuple[str, ...]:
-        return (*([self.guest] if self.guest else []), *([GIVEN] if self.given else []))
+        """Return what is scored but not compared."""
+        return (GIVEN,) if self.given else ()
 
     def guest_cells(self) -> list[tuple[str, str, int]]:
         """Return (scene, method, seed) of the guests' cells."""
         return [(scene, guest, self.seeds[0]) for guest in self.guests for scene in self.scenes]
 
     def without_extras(self) -> "Plan":
-        """Return the plan without further methods and guest."""
-        return replace(self, extras=(), guest=None)
+        """Return the plan without further methods."""
+        return replace(self, extras=())
 
     def _handed_on(self, methods: Collection[str]) -> dict[str, Any]:
         """Return the own settings for a worker, without those of packages, whose classes it may lack."""

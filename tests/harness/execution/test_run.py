@@ -18,8 +18,7 @@ from harness.execution.progress import Progress
 from harness.execution.run import run
 from harness.plan.run_plan import Machine
 from harness.plan.schedule import Budget
-from harness.records.cells import cell_path, empty_cell, read_cell, read_comparisons, read_run, write_cell
-from harness.run_folder.integrity import repair
+from harness.records.cells import cell_path, read_cell, read_comparisons, read_run
 from harness.training.scoring.others import score_pictures
 from reports.claims.first_screen import guests
 from reports.data.load import read_records
@@ -71,32 +70,6 @@ def test_an_image_that_changed_is_decoded_again(tmp_path: Path, decoded: Counter
     assert changed.content != first.content
     assert not changed.train.rgba[0].any()
     assert read_view_set(ball, 8, decoded=tmp_path / "none").content == changed.content, "a node without the folder"
-
-
-def test_a_guest_is_trained_for_the_core_seconds_of_nerf_after_the_others_and_once(
-    ball_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("harness.execution.run.run_locally", in_this_process)
-    plan, machine = planned("smoke", view_set=[ball_folder], methods=["nerf"], seeds=2), Machine("cpu", 1, 1)
-    plan = replace(plan, budget=Budget(20, None), train=TRAIN, score=SCORE, views=VIEWS, guest="nerf_matched")
-    assert run(plan, tmp_path, tmp_path / "sets", machine, "command", Progress()) == 0
-    ours, theirs = (read_cell(cell_path(tmp_path, "ball", name, 0)) for name in ("nerf", "nerf_matched"))
-    assert theirs.status == "done"
-    assert theirs.settings["budget"]["core_seconds"] == ours.train_core_seconds
-    assert not cell_path(tmp_path, "ball", "nerf_matched", 1).exists()
-    assert read_run(tmp_path).guests == ["nerf_matched"]
-    assert read_run(tmp_path).main_methods == ["nerf"]
-    assert read_comparisons(tmp_path) == []
-    guest = cell_path(tmp_path, "ball", "nerf_matched", 0)
-    before = guest.read_bytes()
-    assert run(plan, tmp_path, tmp_path / "sets", machine, "command", Progress()) == 0
-    assert guest.read_bytes() == before
-    write_cell(tmp_path, empty_cell("ball", "nerf_matched", 0, "error", "no memory"))
-    assert run(plan, tmp_path, tmp_path / "sets", machine, "command", Progress()) == 0
-    assert read_cell(guest).status == "done", "what failed is tried again"
-    guest.write_text("{", encoding="utf-8")
-    repair(tmp_path, plan, lambda line: None)
-    assert not guest.exists(), "what is damaged is trained again"
 
 
 def test_given_gaussians_are_scored_as_a_folder_of_their_pictures_is_and_not_trained(

@@ -44,13 +44,13 @@ def test_a_profile_can_be_run(name: str) -> None:
 
 
 def test_further_methods_explain_one_scene_and_go_where_methods_are_named() -> None:
-    plan = planned("reduced")
-    assert plan.groups()["lego", 1] == (*plan.methods, *plan.extras[0].methods)
-    assert plan.groups()["chair", 0] == plan.methods
-    assert len({parts for name in plan.groups()["lego", 0] if (parts := METHODS[name].parts)}) == 7, "no cell twice"
-    assert planned("reduced", methods=["nerf", "qnerf"]).extras == ()
-    assert planned("reduced", scenes=["chair"]).extras == ()
-    assert {one.seeds for one in planned("reduced", seeds=1).extras} == {(0,)}
+    plan = planned("smoke")
+    assert plan.groups()["lego", 0] == (*plan.methods, *plan.extras[0].methods)
+    assert plan.groups()["lego", 1] == plan.groups()["hotdog", 0] == plan.methods
+    assert len({parts for name in plan.groups()["lego", 0] if (parts := METHODS[name].parts)}) == 4, "no cell twice"
+    assert planned("smoke", methods=["nerf", "qnerf"]).extras == ()
+    assert planned("smoke", scenes=["hotdog"]).extras == ()
+    assert planned("smoke", first_seed=1).extras == ()
 
 
 def test_the_full_profile_has_every_setting_that_the_paper_states() -> None:
@@ -106,14 +106,6 @@ def test_two_view_sets_of_one_name_are_refused_by_both_paths(ball_folder: Path, 
             planned("smoke", view_set=[ball_folder, again])
 
 
-def test_a_guest_has_a_cell_on_each_scene_and_none_where_methods_are_named() -> None:
-    plan = planned("reduced")
-    assert plan.guest_cells() == [(scene, "splats", 0) for scene in plan.scenes]
-    assert not {key for key in plan.guest_cells()} & set(plan.cells())
-    assert "guest" not in plan.settings(), "no result of the others depends on it"
-    assert planned("reduced", methods=["nerf", "qnerf"]).guest_cells() == []
-
-
 # what the record of a run states
 
 
@@ -142,7 +134,7 @@ def test_the_full_setting_states_what_the_paper_leaves_open() -> None:
         assert beginning(plan, words), words
     (sentence,) = beginning(plan, "Unit of density")
     assert SEARCHED_AT["full" if chosen("full") else "reduced"] in sentence
-    assert not beginning(PROFILES["reduced"], "Curves")
+    assert not beginning(PROFILES["converged"], "Curves")
     assert [extra.methods for extra in plan.extras] == [("nerf_float32", "qnerf_float32")]
     skipping = PROFILES["full_skipping"]
     assert (skipping.budget, skipping.score, skipping.views) == (plan.budget, plan.score, plan.views)
