@@ -33,7 +33,7 @@ BLOCKS: dict[str, tuple[tuple[str, ...], Callable[..., str]]] = {
     "last doubling": (RUN, run_blocks.doubling),
     "ceiling": ((*RUN, "converged/summary.json"), run_blocks.ceiling),
     "limits": ((*RUN, "converged/summary.json"), run_blocks.limits),
-    "late in brief": (("converged/summary.json",), run_blocks.in_brief),
+    "verdict": (("converged/summary.json", *RUN, REPLICATES), run_blocks.verdict),
     "late verdict": ((*RUN, "converged/summary.json", REPLICATES), run_blocks.second_run),
     "late equal time": (("converged/summary.json",), run_blocks.equal_time),
     "twice the steps": (("reduced/halved.json", *RUN), run_blocks.twice_the_steps),

@@ -90,8 +90,27 @@ def result(run: Run, replicates: Run) -> str:
     return f"{printed}**{answer(run, replicates)}.**\n\n{differences(run, replicates=replicates)}"
 
 
-def in_brief(run: Run) -> str:
-    return f"{differences(run)}\n\n{NOT_REPEATED.format('The run')} {scale(run)}"
+def verdict(late: Run, early: Run, replicates: Run) -> str:
+    """State the paper's claim and the differences of a late and of the default run in a few sentences."""
+    printed = {claim["id"]: claim for claim in late["claims"]}.get("table2-average")
+    early_too = {claim["id"]: claim for claim in early["claims"]}.get("table2-average")
+    sentences = []
+    if printed and early_too and printed["printed"] is not None:
+        words = " and ".join(dict.fromkeys(f"**{claim['verdict']}**" for claim in (printed, early_too)))
+        sentences.append(f"The paper prints {signed(printed['printed'], 1)} dB on average: {words}.")
+    for run, repeats in ((late, None), (early, replicates)):
+        parts = [
+            f"`{FAVOURITE}` − `{against}` is {signed(duel['difference'])} dB "
+            f"({estimate(duel, 'scenes_like_these', repeats)})"
+            for against in (BASELINE, CONTROL)
+            if (duel := row(run, "all", FAVOURITE, against))
+        ]
+        sentences.append(f"After {run['settings']['budget']['steps']} steps {listed(parts)}.")
+    sentences.append(
+        f"`{CONTROL}` is NeRF with frequencies 2^k that reach no further than φ's: what it gains, bandwidth gains. "
+        "In brackets are 95 % intervals on scenes like these, and what is known of sign and size (± 0.2 dB matter)."
+    )
+    return " ".join(sentences) + f"\n\nLate: {scale(late)} Early: {scale(early)}"
 
 
 def differences(run: Run, budget: str = "steps", replicates: Run | None = None) -> str:
