@@ -19,7 +19,7 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     out = tmp_path_factory.mktemp("device") / "device.json"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(device_report, "NETWORKS", ("nerf", "qnerf"))
-        assert main(["doctor", "--device", "cpu", "--quick", "--minutes", "0.05", "--out", str(out)]) == 0
+        assert main(["doctor", "--device", "cpu", "--quick", "--minutes", "0.01", "--out", str(out)]) == 0
     found: dict[str, Any] = json.loads(out.read_text(encoding="utf-8"))
     return found
 
