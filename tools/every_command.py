@@ -62,7 +62,7 @@ nox -s frontier -- {one} --methods nerf splats --budgets 0.3 --seeds 1 --resolut
 python -m harness frontier --pick lego --seconds 1 --out {here}/f
 nox -s speed -- --items 2 --quick --out {here}/speed {other_sets}
 nox -s conformance -- qnerf
-nox -s endurance -- --kills 1 --typed-kills 0 --seed 1 --no-damage --brief --scratch {here}/endurance
+nox -s endurance -- --kills 4 --typed-kills 0 --seed 1 --no-damage --brief --scratch {here}/endurance
 nox -s fuzz -- -n 0 --collect-only -q
 nox -s tests_thorough -- --collect-only -q tests/harness/studies/speed
 nox -s tests_oldest -- --collect-only -q tests/harness/plan

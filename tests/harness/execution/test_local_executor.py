@@ -50,7 +50,6 @@ def test_one_worker_and_two_workers_leave_the_same_records(ball_folder: Path, tm
     assert multiprocessing.active_children() == []
 
 
-@pytest.mark.thorough
 @pytest.mark.slow
 def test_what_a_killed_worker_was_at_is_trained_again_one_method_at_a_time(ball_folder: Path, tmp_path: Path) -> None:
     events = run_locally(tasks(ball_folder, tmp_path, Budget(60, None)), 1)

@@ -277,6 +277,7 @@ def test_batches_are_the_same_for_every_reading_and_differ_between_steps() -> No
     assert not torch.equal(first.directions, fresh_fields.batches(16)(4)[0].directions)
 
 
+@pytest.mark.slow
 def test_listing_2_loses_its_gradient_on_white_and_keeps_it_on_grey_and_with_a_shift() -> None:
     dead, grey, shifted = (
         fresh_fields.course_of(replace(fresh_fields.FRESH_FIELDS[name], settings=fresh_fields.SMALL), steps)
