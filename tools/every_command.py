@@ -82,13 +82,13 @@ python -m harness doctor
 """
 FILLED = {
     "{tiny}": "--methods nerf --seeds 2 --budget-steps 4 --resolution 16",
-    "{claim}": '--claim "nerf>=9dB"',
+    "{claim}": '--claim "nerf>=9dB" --workers 1',
     "{few}": "--budget-steps 4 --resolution 16",
     "{job}": "--job timeout_min=9 --workers 1 --threads 1 --device cpu",
     "{one}": "--studies error_against_time needs --scenes lego",
     "{score}": "--seconds 9 --as-they-are",
-    "{scored}": "--checkpoints 2 --curve-views 1 --test-views 1",
-    "{region}": "--bounds -2 -2 -2 2 2 2 --near 2 --far 7 --optimiser adam",
+    "{scored}": "--checkpoints 2 --curve-views 1 --test-views 1 --workers 1",
+    "{region}": "--bounds -2 -2 -2 2 2 2 --near 2 --far 7 --optimiser adam --workers 1",
     "{ceilings}": "--val 1 --ceiling-train 20 --ceiling-val 20 --ceiling-test 20",
 }
 
