@@ -86,6 +86,7 @@ def test_a_group_that_cannot_be_trained_ends_in_error_records(
     assert list(read_cells(tmp_path)) == told
 
 
+@pytest.mark.slow
 def test_an_error_of_ours_is_named_and_leaves_finished_cells_alone(
     ball_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
