@@ -44,7 +44,6 @@ python -m reports {here}/run {here}/foreign --page {here}/outputs.html
 python -m reports {here}/foreign --publish {here}/published
 python -m harness run --profile smoke --view-set {here}/nerfstudio {here}/tiny.npz --dry-run
 python -m harness run --profile smoke --view-set {here}/blender {tiny} {scored} --out {here}/scored
-python -m harness doctor --device cpu --minutes 0.01 --quick --out {here}/device.json
 python -m scenes render --scene-file docs/examples/my_scene.py --resolution 16 --train 2 --test 1 {sets}
 python -m harness run --profile smoke --scene-file docs/examples/my_scene.xml {tiny} {claim} --out {here}/own {sets}
 python -m harness run --profile smoke --scenes lego --methods splats --seeds 1 {few} --out {here}/splats {sets}
