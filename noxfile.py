@@ -4,6 +4,7 @@ import argparse
 import os
 import re
 import sys
+import tempfile
 import time
 from collections.abc import Iterable
 from pathlib import Path
@@ -25,20 +26,23 @@ OPTIONS.add_argument("--out")
 
 
 def install(session: nox.Session, *groups: str) -> None:
-    """Install the dependencies of the project, of the named groups and of the extras that the options need, with the
-    versions and hashes of requirements.lock.
-    """
+    """Install the project as an editable package, and the extras that the options need."""
     options = set(session.posargs)
     words = {"ray": {"ray", "--executor=ray"}, "tensorboard": {"--tensorboard"}}
     words["submitit"] = {"submitit", "--executor=submitit"}
     words["parquet"] = {option for option in options if option.endswith(".parquet")}
     takes_all = session.name in ("commands", "tests", "tests_thorough")
     needed = [*SMALL, *(name for name in words if takes_all or words[name] & options)]
-    wanted = map(pinned, wanted_by(*groups, extras=needed))
+    install_locked(session, *groups, extras=needed)
+    session.install("--no-deps", "--editable", ".")
+
+
+def install_locked(session: nox.Session, *groups: str, extras: Iterable[str]) -> None:
+    """Install the dependencies of the project, of groups and of extras, in the versions of requirements.lock."""
+    wanted = map(pinned, wanted_by(*groups, extras=extras))
     # other builds of torch have other hashes than that on PyPI
     locked = session.virtualenv.venv_backend == "uv" and not os.environ.get("UV_TORCH_BACKEND")
     session.install(*wanted, *(("--require-hashes", "--constraint", "requirements.lock") if locked else ()))
-    session.install("--no-deps", "--editable", ".")
 
 
 def wanted_by(*groups: str, extras: Iterable[str]) -> list[str]:
@@ -167,6 +171,22 @@ def commands(session: nox.Session) -> None:
     """Run every session and every command end to end, each in its shortest form."""
     install(session, "test")
     session.run("python", "-m", "tools.every_command", sys.executable)
+
+
+@nox.session
+def installed(session: nox.Session) -> None:
+    """Install the project as `pip install .` does, and use it in a folder with packages of its names."""
+    install_locked(session, extras=())
+    session.install("--no-deps", "--force-reinstall", ".")
+    table = Path("docs/examples/own-seeds.csv").resolve()
+    short = ("--profile", "smoke", "--scenes", "lego", "--methods", "nerf", "--seeds", "1", "--budget-steps", "4")
+    with tempfile.TemporaryDirectory() as folder, session.chdir(folder):
+        for name in ("scenes", "baselines", "harness", "reports"):
+            Path(name).mkdir()
+            Path(name, "__init__.py").write_text("raise SystemExit('a foreign package was imported')\n")
+        session.run("radiance-verdict", "judge", str(table), "--out", "judged")
+        session.run("radiance-verdict", "run", *short, "--resolution", "16", "--out", "run", "--view-sets", "sets")
+        session.run("radiance-verdict", "report", "run")
 
 
 @nox.session

@@ -44,7 +44,6 @@ python -m reports {here}/run {here}/foreign --page {here}/outputs.html
 python -m reports {here}/foreign --publish {here}/published
 python -m harness run --profile smoke --view-set {here}/nerfstudio {here}/tiny.npz --dry-run
 python -m harness run --profile smoke --view-set {here}/blender {tiny} {scored} --out {here}/scored
-python -m harness doctor --device cpu --minutes 0.01 --quick --out {here}/device.json
 python -m scenes render --scene-file docs/examples/my_scene.py --resolution 16 --train 2 --test 1 {sets}
 python -m harness run --profile smoke --scene-file docs/examples/my_scene.xml {tiny} {claim} --out {here}/own {sets}
 python -m harness run --profile smoke --scenes lego --methods splats --seeds 1 {few} --out {here}/splats {sets}
@@ -61,7 +60,7 @@ nox -s frontier -- {one} --methods nerf splats --budgets 0.3 --seeds 1 --resolut
 python -m harness frontier --pick lego --seconds 1 --out {here}/f
 nox -s speed -- --items 2 --quick --out {here}/speed {other_sets}
 nox -s conformance -- qnerf
-nox -s endurance -- --kills 1 --typed-kills 0 --seed 1 --no-damage --brief --scratch {here}/endurance
+nox -s endurance -- --kills 4 --typed-kills 0 --seed 1 --no-damage --brief --scratch {here}/endurance
 nox -s fuzz -- -n 0 --collect-only -q
 nox -s tests_thorough -- --collect-only -q tests/harness/studies/speed
 nox -s tests_oldest -- --collect-only -q tests/harness/plan
@@ -81,13 +80,13 @@ python -m harness doctor
 """
 FILLED = {
     "{tiny}": "--methods nerf --seeds 2 --budget-steps 4 --resolution 16",
-    "{claim}": '--claim "nerf>=9dB"',
+    "{claim}": '--claim "nerf>=9dB" --workers 1',
     "{few}": "--budget-steps 4 --resolution 16",
     "{job}": "--job timeout_min=9 --workers 1 --threads 1 --device cpu",
     "{one}": "--studies error_against_time needs --scenes lego",
     "{score}": "--seconds 9 --as-they-are",
-    "{scored}": "--checkpoints 2 --curve-views 1 --test-views 1",
-    "{region}": "--bounds -2 -2 -2 2 2 2 --near 2 --far 7 --optimiser adam",
+    "{scored}": "--checkpoints 2 --curve-views 1 --test-views 1 --workers 1",
+    "{region}": "--bounds -2 -2 -2 2 2 2 --near 2 --far 7 --optimiser adam --workers 1",
     "{ceilings}": "--val 1 --ceiling-train 20 --ceiling-val 20 --ceiling-test 20",
 }
 

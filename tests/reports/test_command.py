@@ -25,6 +25,7 @@ def test_the_help_lists_every_exit_code():
     assert [int(code) for code in codes] == [0, OWN_ERROR, BAD_INPUT, SOME_FAILED, STOPPED]
 
 
+@pytest.mark.slow
 def test_diverged_cells_give_3_and_are_named_and_quiet_prints_the_path_alone(out, capsys):
     assert main([str(out)]) == 3
     title, lost, path = capsys.readouterr().out.splitlines()
@@ -65,6 +66,7 @@ def test_no_other_file_is_replaced_and_no_page_is_built_before_that_is_said(smal
     assert not (small / "report.html").exists()
 
 
+@pytest.mark.slow
 def test_publish_writes_small_plots_and_the_numbers(tmp_path, pictured, capsys):
     main([str(pictured), "--quiet", "--publish", str(tmp_path / "docs")])
     sizes = {path.name: path.stat().st_size for path in (tmp_path / "docs").iterdir()}
@@ -73,6 +75,7 @@ def test_publish_writes_small_plots_and_the_numbers(tmp_path, pictured, capsys):
     assert (tmp_path / "docs" / "psnr.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_pages_are_built_without_torch_and_mitsuba_and_with_colour_science_for_pictures_alone(tmp_path, out):
     pictured = write_fake_run(tmp_path / "pictured", ("chair",), seeds=1, with_diverged=False)
     for shelf in SETTINGS:

@@ -117,6 +117,7 @@ def test_it_renders(name: str, scalar: Variant) -> None:
         assert view.noise_mse < 0.01
 
 
+@pytest.mark.slow
 def test_it_renders_alike_with_llvm(name: str, scalar: Variant, fast: Variant) -> None:
     slow_views, fast_views = views_of(name, scalar)[1], views_of(name, fast)[1]
     for slow, quick in zip(slow_views, fast_views, strict=True):
@@ -193,6 +194,7 @@ def test_a_stress_scene_or_a_rung_renders_inside_its_box(name: str) -> None:
     assert view.noise_mse < 0.02
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", WITH_TRUTH)
 def test_it_is_seen_as_its_closed_form_says(name: str) -> None:
     """Mean colour and opacity of a view: |z| < 4.5 with the standard errors of both sides; depth pixel by pixel."""

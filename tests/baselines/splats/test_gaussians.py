@@ -95,6 +95,7 @@ def test_only_what_is_hardly_seen_wanders_and_along_its_own_extent() -> None:
     assert spread.tolist() == pytest.approx([0.25 * share, 0.01 * share, 1e-8 * share], rel=0.2)
 
 
+@pytest.mark.slow
 def test_rays_of_several_cameras_are_drawn_camera_by_camera() -> None:
     field = Gaussians(BOX, 0, first_values(BOX, 80, 14, 0.1, generator_for(2, "first")), 0.02, 0.5)
     towards = torch.nn.functional.normalize(

@@ -154,6 +154,7 @@ def test_a_diverged_cell_is_exit_code_3_and_stays_visible(
 # `python -m harness splats`
 
 
+@pytest.mark.slow
 def test_gaussians_of_a_run_are_written_and_score_as_in_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out, table = train_run(tmp_path, ["nerf", "splats"], steps=40, size=24), tmp_path / "scores.json"
     assert main(["splats", str(out)]) == 0

@@ -50,7 +50,6 @@ def test_one_worker_and_two_workers_leave_the_same_records(ball_folder: Path, tm
     assert multiprocessing.active_children() == []
 
 
-@pytest.mark.thorough
 @pytest.mark.slow
 def test_what_a_killed_worker_was_at_is_trained_again_one_method_at_a_time(ball_folder: Path, tmp_path: Path) -> None:
     events = run_locally(tasks(ball_folder, tmp_path, Budget(60, None)), 1)
@@ -87,6 +86,7 @@ def test_a_group_that_cannot_be_trained_ends_in_error_records(
     assert list(read_cells(tmp_path)) == told
 
 
+@pytest.mark.slow
 def test_an_error_of_ours_is_named_and_leaves_finished_cells_alone(
     ball_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

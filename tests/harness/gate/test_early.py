@@ -34,6 +34,7 @@ def in_halves(x: Tensor, weight: Tensor, bias: Tensor | None = None) -> Tensor:
     return total if bias is None else total + bias
 
 
+@pytest.mark.slow
 def test_sums_in_another_order_are_within_tolerance(usual: Courses, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(field, "linear", in_halves)
     for precision, courses in (reordered := early.courses(TWO)).items():
@@ -50,6 +51,7 @@ def test_every_processor_gives_the_stored_first_steps_of_the_stored_settings(
         assert farthest(usual, stored.courses, precision) <= tolerance, precision
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", ["base φ", "learning rate", "optical depth", "background"])
 def test_a_hundredth_is_found(part: str, usual: Courses) -> None:
     key = next(mutation for mutation in MUTATIONS if mutation[1] == part)

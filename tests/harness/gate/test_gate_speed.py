@@ -73,6 +73,7 @@ def test_a_class_without_a_quotient_is_not_available_and_says_how_to_make_one(
     assert statuses(renewed) == dict.fromkeys(GATES, "fail")
 
 
+@pytest.mark.slow
 def test_each_gate_has_something_to_measure(ball: ViewSet, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(gate_speed, "STEPS_BEFORE", 2)
     for name in ("speed.train.qnerf", "speed.render.nerf", "speed.score"):

@@ -109,9 +109,9 @@ def other_numbers(simulated: Simulated) -> tuple[References, Cells]:
 @pytest.mark.parametrize(
     ("draw", "mode", "repeats", "most", "loss", "found"),
     [
-        (same_program, "rounding", 240, 2.9, LOSS_OVER_ALL, (0.95, 1.0)),
-        (same_numbers, "change", 120, 1.5, 2 * LOSS_OVER_ALL, (0.95, 1.0)),
-        (other_numbers, "seeds", 240, 1.0, None, (0.7, 0.9)),
+        (same_program, "rounding", 120, 2.9, LOSS_OVER_ALL, (0.95, 1.0)),
+        (same_numbers, "change", 60, 1.5, 2 * LOSS_OVER_ALL, (0.95, 1.0)),
+        (other_numbers, "seeds", 120, 1.0, None, (0.7, 0.9)),
     ],
 )
 def test_harmless_changes_pass_and_the_stated_losses_are_found(

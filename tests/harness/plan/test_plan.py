@@ -212,14 +212,14 @@ def test_each_setting_of_a_method_is_one_of_its_run_and_of_its_cells_alone(metho
     plan = plan_of(method)
     own = plan.own_settings([method])[method]
     seen = [plan.settings()]
+    before, of_nerf = (cell_settings(plan, name, tmp_path) for name in (method, "nerf"))
     for each in fields(own):
         other = replace(own, **{each.name: changed(each.name, getattr(own, each.name))})
         changed_plan = replace(plan, train=replace(plan.train, own={method: other}))
         assert changed_plan.settings() not in seen, each.name
         seen.append(changed_plan.settings())
-        before, after = (cell_settings(one, method, tmp_path) for one in (plan, changed_plan))
-        assert before != after, each.name
-        assert cell_settings(plan, "nerf", tmp_path) == cell_settings(changed_plan, "nerf", tmp_path)
+        assert cell_settings(changed_plan, method, tmp_path) != before, each.name
+        assert cell_settings(changed_plan, "nerf", tmp_path) == of_nerf
 
 
 @pytest.mark.parametrize("name", ["qnerf", "qnerf_repaired"])

@@ -69,6 +69,7 @@ def views_of(learner: Learner, views: ViewSet, chunk: int) -> list[View]:
     return list(render_split(learner, cameras_of(views, views.test, CPU), chunk))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("methods", "options"), RUNS)
 def test_what_is_restored_renders_and_scores_as_it_did(
     methods: list[str], options: dict[str, Any], tmp_path: Path

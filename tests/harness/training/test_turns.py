@@ -66,6 +66,7 @@ def ended(learner: Trainer, batches: Callable[[int], Batch] = batch_at) -> Train
     return learner
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("settings", SETTINGS.values(), ids=SETTINGS)
 def test_a_replay_has_the_bits_of_the_steps_and_nearly_those_of_single_ones(
@@ -87,6 +88,7 @@ def test_a_replay_has_the_bits_of_the_steps_and_nearly_those_of_single_ones(
             assert ours == (None if theirs is None else pytest.approx(theirs, rel=2e-3))
 
 
+@pytest.mark.slow
 def test_the_compiler_takes_the_complete_loss_and_changes_nothing() -> None:
     """`aot_eager` traces as the compiler of a GPU does, without a break, and runs what was traced. In another process:
     here all functions check the shapes of their arguments, which no compiler can trace.
@@ -94,6 +96,7 @@ def test_the_compiler_takes_the_complete_loss_and_changes_nothing() -> None:
     in_another_process("from tests.harness.training import test_turns as t; t.compiled_steps_are_the_same()")
 
 
+@pytest.mark.slow
 def test_on_a_gpu_of_tensors_without_values_a_step_reads_nothing_and_nothing_crosses() -> None:
     in_another_process("from tests.harness.training import fake_gpu; fake_gpu.nothing_crosses()")
 
@@ -104,15 +107,14 @@ def in_another_process(code: str) -> None:
 
 
 def compiled_steps_are_the_same() -> None:
-    """Three times each method: the compiler takes one function eight times, then gives up for good."""
+    """The compiler takes one function a few times, here once, then gives up for good; each cell has a new one."""
+    torch._dynamo.config.recompile_limit = 1
     small = replace(DENSE, network=replace(DENSE.network, depth=2))
     for method in METHODS:
-        plain = weights(ended(turning(method, small, steps=2)))
-        for _ in range(3):
-            compiled = ended(turning(method, small, as_it_is, "aot_eager", steps=2))
-            assert turns_of(compiled).form == "compiled, captured", turns_of(compiled).form
-            for name, value in weights(compiled).items():
-                torch.testing.assert_close(value, plain[name], atol=1e-6, rtol=1e-5)
+        plain, compiled = (ended(turning(method, small, *more, steps=2)) for more in ((), (as_it_is, "aot_eager")))
+        assert turns_of(compiled).form == "compiled, captured", turns_of(compiled).form
+        for name, value in weights(compiled).items():
+            torch.testing.assert_close(value, weights(plain)[name], atol=1e-6, rtol=1e-5)
     two_passes = ended(turning("qnerf", replace(small, fine_bins=8), as_it_is, "aot_eager", steps=2))
     assert turns_of(two_passes).form == "compiled, captured"
 
@@ -136,6 +138,7 @@ def test_a_step_that_waits_for_the_device_cannot_be_recorded(settings: TrainSett
 # what is not finite
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("step", [0, 7, 9])
 def test_a_value_that_is_not_finite_is_found_late_and_named_as_if_at_once(method: str, step: int) -> None:
@@ -176,6 +179,7 @@ def test_an_invalid_density_is_named_with_its_ray(value: float, monkeypatch: pyt
         take_turn(learner, batch_at)
 
 
+@pytest.mark.slow
 def test_a_failure_of_the_replay_alone_costs_time_and_no_result() -> None:
     """The turn is taken again step by step, and the next one is replayed."""
     fails = iter([True])
@@ -208,6 +212,7 @@ def emptied(learner: Trainer, share: float) -> Trainer:
     return learner
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_skipped_space_is_packed_and_changes_no_picture(method: str) -> None:
     learner, single = (
@@ -219,6 +224,7 @@ def test_skipped_space_is_packed_and_changes_no_picture(method: str) -> None:
     assert learner.trace["loss"] == pytest.approx(single.trace["loss"], rel=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [0, 15])
 def test_points_that_do_not_fit_are_counted_and_the_turn_is_taken_again(step: int) -> None:
     """With ten times too little room the result is that of a run that had enough; also at a refresh of the grid, which
@@ -244,6 +250,7 @@ def test_points_that_do_not_fit_are_counted_and_the_turn_is_taken_again(step: in
 # turns end where something must be read
 
 
+@pytest.mark.slow
 def test_turns_end_at_the_share_at_refreshes_and_after_a_hundred_steps() -> None:
     def lengths(settings: TrainSettings, steps: int, share: float = 1.0) -> list[int]:
         learner, taken = turning("nerf", settings, as_it_is, steps=steps), [0]
@@ -266,6 +273,7 @@ def test_a_clock_ends_training_after_a_short_turn() -> None:
     assert (learner.step, learner.progress >= 1.0) == (10, True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("settings", [DENSE, TRAIN], ids=["all points", "with a grid"])
 def test_a_resumed_cell_has_the_bits_of_one_that_was_not_stopped(settings: TrainSettings) -> None:
     whole, half, resumed = (turning("qnerf_repaired", settings) for _ in range(3))
@@ -291,6 +299,7 @@ def test_only_networks_that_adam_trains_take_turns() -> None:
     assert in_turns(trainer("hash_grid", replace(TRAIN, own={})), recorded, None).turns is None  # type: ignore[attr-defined]
 
 
+@pytest.mark.slow
 def test_a_group_in_turns_leaves_complete_records(ball: ViewSet, tmp_path: Path) -> None:
     settings = replace(TRAIN, accelerations=NO_ACCELERATION, fine_bins=8)
     task = GroupTask("ball", 0, ("nerf", "qnerf"), settings, SCORE, BUDGET, tmp_path)

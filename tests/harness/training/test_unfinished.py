@@ -89,6 +89,7 @@ def files(out: Path) -> dict[str, bytes]:
     }
 
 
+@pytest.mark.slow
 def test_a_group_that_was_stopped_twice_ends_in_the_bits_of_one_that_was_not(
     ball: ViewSet, undisturbed: Undisturbed, stopped: Path
 ) -> None:
@@ -104,6 +105,7 @@ def test_a_group_that_was_stopped_twice_ends_in_the_bits_of_one_that_was_not(
         assert "resumed_at" not in expected[method].provenance
 
 
+@pytest.mark.slow
 def test_its_clocks_go_on_from_where_they_stood(ball: ViewSet, stopped: Path) -> None:
     path = unfinished_path(stopped, "ball", "nerf", 0)
     kept = read_unfinished(path)
@@ -147,6 +149,7 @@ def unfit(change: Callable[[Any, Any], object]) -> Callable[[Path], None]:
     return spoil
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("spoil", "why"),
     [
@@ -167,6 +170,7 @@ def test_a_snapshot_that_does_not_fit_is_named_and_its_cell_begins_again(
     assert without_time(cells["qnerf"]) == without_time(undisturbed[1]["qnerf"])
 
 
+@pytest.mark.slow
 def test_one_that_cannot_be_kept_is_said_once_and_trained_to_its_end(
     ball: ViewSet, undisturbed: Undisturbed, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

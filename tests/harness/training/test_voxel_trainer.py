@@ -127,6 +127,7 @@ def test_a_batch_that_sees_nothing_of_the_box_teaches_nothing() -> None:
     assert all(torch.equal(before[name], value) for name, value in learner.fields.state_dict().items())
 
 
+@pytest.mark.slow
 def test_its_records_are_as_complete_as_those_of_others_and_it_learns(ball: ViewSet, tmp_path: Path) -> None:
     drjit_or_skip()
     settings, score = replace(SETTINGS, rays=256), replace(SCORE, checkpoints=2)

@@ -165,7 +165,7 @@ def test_without_pyarrow_parquet_says_what_to_install(tmp_path: Path, monkeypatc
 
 def test_many_rows_are_read_and_too_many_cells_refused(tmp_path: Path) -> None:
     path = tmp_path / "t.csv"
-    shape = (50, 40, 20)
+    shape = (20, 25, 10)
     values = np.random.default_rng(0).normal(30, 1, shape).round(3)
     lines = [f"m{i},s{j},{k},{v}" for (i, j, k), v in np.ndenumerate(values)]
     path.write_text("\n".join(["method,scene,seed,psnr", *lines]))

@@ -78,6 +78,7 @@ def test_they_are_in_no_table_and_no_comparison_over_all_scenes(others: Records,
     assert not further_grid(whole).rows
 
 
+@pytest.mark.slow
 def test_the_page_says_what_a_guest_reaches_and_shows_the_printed_form(others: Records, whole: Records, whole_page):
     ours = [cell.scores["psnr"] or 0.0 for cell in others.cells if (cell.method, cell.seed) == ("nerf", 0)]
     assert guests(others) == (

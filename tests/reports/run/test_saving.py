@@ -91,6 +91,7 @@ def zipped(brief: Records) -> zipfile.ZipFile:
     return zipfile.ZipFile(brief.out / "all.zip")
 
 
+@pytest.mark.slow
 def test_every_table_of_the_page_is_in_the_zip(shown: str, zipped: zipfile.ZipFile) -> None:
     def plain(caption: str) -> str:
         return re.sub(r"[^a-z0-9]+", "-", caption.lower()).strip("-")
@@ -120,6 +121,7 @@ def test_a_csv_holds_the_exact_numbers(brief: Records, zipped: zipfile.ZipFile) 
     assert "\\toprule" in zipped.read("tables/test-psnr.tex").decode()
 
 
+@pytest.mark.slow
 def test_the_same_run_gives_the_same_tables_and_drawings(brief: Records, zipped: zipfile.ZipFile) -> None:
     with np.printoptions(legacy="1.13"):  # as colour-science sets it when it is imported
         write_export(read_records(brief.out), brief.out / "again.zip")

@@ -124,6 +124,7 @@ for name in ("lego", "ship"):
 """
 
 
+@pytest.mark.slow
 def test_placed_bricks_and_normals_by_differences_have_one_name_on_all_processors() -> None:
     """OpenBLAS with the kernels of another processor; where it ignores the choice, both are the same."""
 
@@ -240,6 +241,7 @@ def command(cache: Path) -> list[str]:
     ]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_killed_rendering_leaves_nothing_that_is_used(tmp_path: Path) -> None:
     running = subprocess.Popen(command(tmp_path), cwd=ROOT, stdout=subprocess.PIPE, text=True)
     assert running.stdout is not None

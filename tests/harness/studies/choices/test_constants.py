@@ -83,6 +83,7 @@ def test_every_pair_that_a_method_can_have_is_tried() -> None:
     assert {method for method, starts in READINGS.items() if None in starts} == READINGS.keys() - {"qnerf_shifted"}
 
 
+@pytest.mark.slow
 def test_a_tiny_search_trains_each_pair_and_then_the_finalists(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(constants, "trained_cells", lambda tasks, workers: map(trained_cell, tasks))
     monkeypatch.setattr(constants, "UNITS", (3.0, 25.0))

@@ -128,6 +128,7 @@ def test_every_cell_has_an_arm_for_each_omission(ball: ViewSet, tmp_path: Path) 
     assert task.arms["half the bins"].train["bins"] == TRAIN.bins // 2
 
 
+@pytest.mark.slow
 def test_arms_share_batches_and_weights(tmp_path: Path) -> None:
     """An arm that changes nothing has the same score, even if its weights are rendered again; the others have not."""
     arms = {

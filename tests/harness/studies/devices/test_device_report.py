@@ -19,11 +19,12 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     out = tmp_path_factory.mktemp("device") / "device.json"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(device_report, "NETWORKS", ("nerf", "qnerf"))
-        assert main(["doctor", "--device", "cpu", "--quick", "--minutes", "0.05", "--out", str(out)]) == 0
+        assert main(["doctor", "--device", "cpu", "--quick", "--minutes", "0.01", "--out", str(out)]) == 0
     found: dict[str, Any] = json.loads(out.read_text(encoding="utf-8"))
     return found
 
 
+@pytest.mark.slow
 def test_the_processor_agrees_with_itself(report: dict[str, Any]) -> None:
     assert list(report) == ["facts", "methods", "bits", "rates", "cells"]
     assert {"device", "torch_build", "commit", "packages"} <= set(report["facts"])
@@ -34,6 +35,7 @@ def test_the_processor_agrees_with_itself(report: dict[str, Any]) -> None:
     assert faults(report) == []
 
 
+@pytest.mark.slow
 def test_rates_count_what_was_evaluated_and_cells_have_curves(report: dict[str, Any]) -> None:
     rates = report["rates"]
     for name in ("nerf.bfloat16", "qnerf.bfloat16", "nerf.float32"):
@@ -80,6 +82,7 @@ def test_what_fails_is_a_sentence_and_the_other_sections_are_measured(monkeypatc
     assert faults(found) == ["rates: ValueError: no memory in ~/a", "cell of nerf: no kernel"]
 
 
+@pytest.mark.slow
 def test_pictures_that_are_too_far_apart_do_not_agree(monkeypatch: pytest.MonkeyPatch) -> None:
     import torch
 

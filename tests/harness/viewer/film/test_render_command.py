@@ -78,6 +78,7 @@ def plainly(out: Path, method: str, poses: np.ndarray, width: int = SIZE) -> lis
     return [render_view(cell.learner, camera, 0, cell.chunk) for camera in cameras]
 
 
+@pytest.mark.slow
 def test_an_orbit_of_three_frames(out: Path, render: Said) -> None:
     printed = render(out, "--frames", "3", "--fps", "10")
     folder = out / "films" / "orbit-3-frames"
