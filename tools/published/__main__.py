@@ -28,7 +28,6 @@ BLOCKS: dict[str, tuple[tuple[str, ...], Callable[..., str]]] = {
     "constants": (("constants.json",), lambda search: search_blocks.choice(search_blocks.on_complete_scenes(search))),
     "late constants": (("constants_late.json",), search_blocks.choice),
     "constants at 400 px": (("constants_400.json",), search_blocks.choice),
-    "further methods": (RUN, run_blocks.further),
     "failures": (RUN, run_blocks.failed),
     "last doubling": (RUN, run_blocks.doubling),
     "ceiling": ((*RUN, "converged/summary.json"), run_blocks.ceiling),

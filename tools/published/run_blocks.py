@@ -107,10 +107,20 @@ def verdict(late: Run, early: Run, replicates: Run) -> str:
         ]
         sentences.append(f"After {run['settings']['budget']['steps']} steps {listed(parts)}.")
     sentences.append(
-        f"`{CONTROL}` is NeRF with frequencies 2^k that reach no further than φ's: what it gains, bandwidth gains. "
-        "In brackets are 95 % intervals on scenes like these, and what is known of sign and size (± 0.2 dB matter)."
+        f"`{CONTROL}` is NeRF with φ's highest frequency. In brackets: 95 % intervals on scenes like these, and what is "
+        "known of sign and size (± 0.2 dB matter)."
     )
-    return " ".join(sentences) + f"\n\nLate: {scale(late)} Early: {scale(early)}"
+    minutes, commits = (listed(list(words)) for words in zip(*map(_made, (late, early)), strict=True))
+    scene = late["scenes"][0]
+    sentences.append(
+        f"{counted(len(late['scenes']), 'scene')} × {counted(len(late['seeds']), 'seed')}, {scene['width']} × "
+        f"{scene['height']} px; {minutes} minutes on {late['provenance']['cores']} cores; commits {commits}."
+    )
+    return " ".join(sentences)
+
+
+def _made(run: Run) -> tuple[str, str]:
+    return f"{run['phases']['total'] / 60:.0f}", run["provenance"]["commit"]
 
 
 def differences(run: Run, budget: str = "steps", replicates: Run | None = None) -> str:
@@ -232,16 +242,6 @@ def psnr_of(run: Run, scene: str, method: str) -> list[float]:
 def spread(values: list[float]) -> str:
     more = f" ± {number(stdev(values))}" if len(values) > 1 else ""
     return f"{number(fmean(values))}{more}" if values else "–"
-
-
-def further(run: Run) -> str:
-    scene = next((cell["scene"] for cell in run["cells"] if cell["method"] not in main_methods(run)), "")
-    rows = [
-        (f"`{method}`", title, f"{signed(duel['difference'])} dB, {estimate(duel, 'on_these_scenes')}")
-        for method, title in run["methods"].items()
-        if method not in main_methods(run) and (duel := row(run, scene, method, BASELINE))
-    ]
-    return table((f"on {scene}", "what it is", f"− `{BASELINE}`, 95 % on this scene"), rows) if rows else ""
 
 
 OTHER_PROCESSORS = "The columns are of different processors: compare core seconds only inside a column."

@@ -98,7 +98,7 @@ def leaders(record: Studies) -> str:
         for budget, rows in by_budget.items()
         for sentence in not_distinguished(float(budget), scores.columns[2:], np.array(rows).T)
     ]
-    return f"{' '.join([best, winners, *near])} {where}\n\n{FRONTIER_PICTURE.replace('(', '(docs/')}"
+    return f"{' '.join([best, winners, *near])} {where}"
 
 
 def stability(record: Studies) -> str:

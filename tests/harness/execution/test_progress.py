@@ -7,6 +7,7 @@ import pytest
 from harness.execution.progress import SPREAD, Lines, RenderProgress, TimeLeft, span
 from harness.plan.group_task import GroupTask
 from harness.plan.profiles import PROFILES
+from tests.harness import cells
 
 Capture = pytest.CaptureFixture[str]
 
@@ -66,6 +67,22 @@ def test_the_pace_so_far_takes_the_place_of_what_was_expected_of_a_phase(
     clock[0] = 130.0
     show.trained(group, 0.5)
     assert capsys.readouterr().out.splitlines()[-1].endswith(f", {span(0.7 * 30 + 60, 1.4 * 30 + 60)} left")
+
+
+def test_a_group_has_one_line_of_at_most_eighty_columns_and_a_failure_its_own_at_once(
+    tmp_path: Path, capsys: Capture
+) -> None:
+    show, group = Lines(every_seconds=60.0), task(tmp_path)
+    for number, method in enumerate(("qnerf_repaired", "nerf_matched", "nerf", "voxels_drjit")):
+        show.cell(cells.cell("lego", method, 0, [], scores={"psnr": 20.0 + number}))
+    show.cell(cells.diverged("lego", "qnerf", 0))
+    assert capsys.readouterr().out.startswith("lego qnerf seed 0: DIVERGED, not finite at step 7")
+    show.group(group)
+    show.group(group)
+    said = capsys.readouterr().out.splitlines()
+    assert said[0].startswith("lego seed 0: nerf 22.00 dB, nerf_matched 21.00 dB, qnerf_repaired 20.00 dB,")
+    assert said[1:] == ["  voxels_drjit 23.00 dB"]
+    assert all(len(line) <= 80 for line in said)
 
 
 def test_what_a_terminal_would_obey_is_written_out(capsys: Capture) -> None:

@@ -84,6 +84,46 @@ def test_four_rays_in_five_go_through_covered_pixels_or_near_them_and_the_others
     assert len({tuple(d) for d in rays.directions[4000:].tolist()}) > 900
 
 
+def edged() -> tuple[Batches, np.ndarray]:
+    """Three covered images with random colours in one corner; returns the chance of each pixel too, by a slow loop."""
+    rgba = np.ones((VIEWS, HEIGHT, WIDTH, 4), np.float32)
+    rgba[:, :2, :3, :3] = np.random.default_rng(1).uniform(size=(VIEWS, 2, 3, 3))
+    contrast = np.zeros((VIEWS, HEIGHT, WIDTH))
+    for view, row, column in np.ndindex(contrast.shape):
+        near = rgba[view, max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2, :3].reshape(-1, 3)
+        contrast[view, row, column] = (near.max(axis=0) - near.min(axis=0)).max()
+    chance = 1.0 + 3.0 * contrast / contrast.mean()
+    return Batches(cameras(), ImageStack.of(rgba), 1.0, 3.0), (chance / chance.sum()).ravel()
+
+
+def test_covered_pixels_are_drawn_in_proportion_to_one_plus_three_times_their_relative_contrast() -> None:
+    some, chance = edged()
+    assert chance.max() > 3.0 * chance.min()
+    drawn = some._places(200_000, generator_for(0, 0, "batch")).numpy()
+    counts = np.bincount(some._covered[drawn], minlength=PIXELS)
+    deviations = (counts - 200_000 * chance) / np.sqrt(200_000 * chance)
+    assert np.abs(deviations).max() < 4.5
+    assert 0.5 < np.mean(deviations**2) < 1.7
+
+
+def test_without_contrast_anywhere_covered_pixels_have_equal_chances() -> None:
+    flat = ImageStack.of(np.full((VIEWS, HEIGHT, WIDTH, 4), 0.5, np.float32))
+    plain, weighted = Batches(cameras(), flat, 1.0), Batches(cameras(), flat, 1.0, 3.0)
+    for one, other in zip(plain.batch(0, 0, 50)[0].directions, weighted.batch(0, 0, 50)[0].directions, strict=True):
+        assert torch.equal(one, other)
+
+
+def test_images_that_are_held_and_images_that_are_read_give_the_same_batches(monkeypatch: pytest.MonkeyPatch) -> None:
+    held, _ = edged()
+    monkeypatch.setattr("harness.training.batches.RESIDENT_BYTES", 0)
+    read, _ = edged()
+    assert (held._resident is None, read._resident is None) == (False, True)
+    for step in range(3):
+        one, other = held.batch(7, step, 64), read.batch(7, step, 64)
+        assert torch.equal(one.colours, other.colours)
+        assert torch.equal(one.rays.directions, other.rays.directions)
+
+
 @pytest.mark.parametrize("alpha", [0.0, 1.0])
 def test_where_nothing_or_all_is_covered_every_pixel_has_the_same_chance(alpha: float) -> None:
     rays, *_ = batches(alpha, 0.8).batch(0, 0, 60_000)
