@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 from harness.command.machine_options import MACHINE_OPTIONS, chosen_machine, unused_by
 from harness.command.options import Command, Options, flag, option, reported
 from harness.command.plan_options import PLAN_OPTIONS, planned_by
-from harness.execution.progress import Progress
+from harness.execution.progress import Progress, signs_of_life
 from harness.machine.cores import physical_cores
 from harness.run_folder.live_page import LivePage
 from scenes.files.errors import InputError
@@ -59,21 +59,22 @@ def run_run(options: argparse.Namespace, show: Progress) -> int:
 
         require_tensorboard("--tensorboard")
     out = options.out or fresh_folder(options.profile, options.resume)
+    say: Callable[[str], None] = partial(print, flush=True) if options.dry_run else show.line
     page = LivePage(out, show.line) if options.page and not options.dry_run else None
+    say(f"output folder {out}")
     plan, device = _planned(options, out, show)
     machine = chosen_machine(options, device, len(plan.groups()), show.line)
-    say: Callable[[str], None] = print if options.dry_run else show.line
     for line in plan_lines(plan, machine, physical_cores()):
         say(line)
     if options.dry_run or not (options.quiet or options.profile == "smoke"):  # its run takes hardly longer
-        from harness.execution.cost import estimate_apart
+        from harness.execution.cost import estimate
 
-        say("trying a few steps of every method, to estimate the cost")
         finished = out if options.resume else None
-        estimate = estimate_apart(plan, machine, options.view_sets, options.verify_omissions, finished)
-        for line in estimate.lines:
+        with signs_of_life("estimating the cost from a few steps of every method", say):
+            cost = estimate(plan, machine, options.view_sets, options.verify_omissions, finished)
+        for line in cost.lines:
             say(line)
-        show.expect(estimate.phases)
+        show.expect(cost.phases)
     if options.dry_run:
         return 0
     before = latest_folder()

@@ -5,8 +5,9 @@ import time
 from collections.abc import Callable
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -15,7 +16,7 @@ from baselines.contract import Box, Rays
 from harness.execution.ground_truth import is_cached, rendering_seconds
 from harness.execution.progress import SPREAD, Range, span
 from harness.machine.device import keep_freed_memory, use_threads
-from harness.machine.stopping import in_child
+from harness.machine.stopping import in_workers
 from harness.plan.run_plan import Machine, Plan
 from harness.plan.schedule import Budget
 from harness.plan.seeds import generator_for
@@ -84,14 +85,18 @@ class Paces:
 
 def estimate(plan: Plan, machine: Machine, view_sets: Path, verify: bool, before: Path | None) -> CostEstimate:
     """Measure a few steps and views, and estimate the run; a cluster is not measured. `view_sets` is the cache of
-    rendered view sets, `before` the output folder that is resumed.
+    rendered view sets, `before` the output folder that is resumed. Other processes measure: their memory is not part of
+    the run, and a method may crash its process.
     """
     if machine.executor != "local":
         line = "estimated cost: a cluster is not measured beforehand; docs/scaling.md says how to compute it"
         return CostEstimate([line], {})
-    rendered = () if plan.view_set or plan.scene_file else plan.scenes
-    missing = sum(not is_cached(scene, plan.views, view_sets) for scene in rendered)
-    paces = measure_paces(plan, torch.device(machine.device), machine.threads)
+    measure = partial(measure_paces, plan, torch.device(machine.device), machine.threads)
+    calls: list[Callable[[], Any]] = [measure, partial(_missing, plan, view_sets)]
+    try:
+        paces, missing = in_workers(calls, len(calls))
+    except BrokenProcessPool:
+        return CostEstimate(["estimated cost: not known, as the process that tried the methods ended"], {})
     if plan.view_set:
         read = [_reading(Path(path), plan.views) for path in plan.view_set]
         paces = replace(paces, images=sum(many for many, _ in read), reading=sum(seconds for _, seconds in read))
@@ -110,12 +115,10 @@ def _reading(path: Path, views: ViewSettings) -> tuple[int, float]:
     return len(files), len(files) * (time.process_time() - began)
 
 
-def estimate_apart(*arguments: object) -> CostEstimate:
-    """Return `estimate` from another process: its memory is not part of the run, and a method may crash it."""
-    try:
-        return in_child(estimate, *arguments)
-    except BrokenProcessPool:
-        return CostEstimate(["estimated cost: not known, as the process that tried the methods ended"], {})
+def _missing(plan: Plan, view_sets: Path) -> int:
+    """Return the number of scenes that are still to be rendered."""
+    rendered = () if plan.view_set or plan.scene_file else plan.scenes
+    return sum(not is_cached(scene, plan.views, view_sets) for scene in rendered)
 
 
 def groups_left(plan: Plan, before: Path | None) -> Groups:
@@ -158,6 +161,9 @@ def estimate_from(
             lines.append(f"  {name} {length} ({_where_from(plan, missing)})")
         elif phase[1] > 0:  # the number of test views of a view set is not known yet
             lines.append(f"  {name} {'at most, ' if plan.view_set and name == 'scoring' else ''}{length}")
+        if name == "training" and phase[1] > 0:
+            each = {method: _range(training_seconds(plan, pace)) for method, pace in paces.of.items()}
+            lines += [f"    {method} {span(*seconds)} per cell" for method, seconds in each.items()]
     every = len(plan.groups()) + len(plan.guest_cells())
     if len(groups) < every:
         lines.append(f"  {every - len(groups)} of {every} groups of cells are finished, not included")

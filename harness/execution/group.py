@@ -42,6 +42,8 @@ def run_group(
                 f"{task.view_set}: changed since the run began; put it back as it was and resume with --resume, or "
                 "start again with a fresh --out"
             )
+        if task.hull is not None:
+            views.adopt_hull(task.hull)
         require_methods(task.methods)
         origin = {**provenance(torch.device(task.device)), **origins(task.methods), **(placed or {})}
         fitted = replace(task, train=for_scene(task.train, views))

@@ -6,8 +6,10 @@ work replaces the estimate.
 
 import sys
 import textwrap
+import threading
 import time
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -224,6 +226,25 @@ class Bars(Lines):
         if bar not in self._tasks:
             self._tasks[bar] = self._bars.add_task(text, total=1.0)
         self._bars.update(self._tasks[bar], completed=share, description=text)
+
+
+@contextmanager
+def signs_of_life(what: str, say: Callable[[str], None], every: float = 4.0) -> Iterator[None]:
+    """Say what is done, and again after each `every` seconds until it is."""
+    say(what)
+    ended, began = threading.Event(), time.monotonic()
+
+    def beat() -> None:
+        while not ended.wait(every):
+            say(f"{what}: {time.monotonic() - began:.0f} s")
+
+    thread = threading.Thread(target=beat, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
 
 
 def group_line(cells: "list[CellRecord]") -> str:

@@ -214,8 +214,8 @@ class _Run:
 
 
 def _with_scene(plan: Plan, task: GroupTask, read: SceneRead) -> GroupTask:
-    """Return the task with the digest of its view set, and the Gaussians of the scene that are given."""
-    task = replace(task, content=read.content)
+    """Return the task with the digest and hull of its view set, and the Gaussians of the scene that are given."""
+    task = replace(task, content=read.content, hull=read.hull)
     if not plan.given:
         return task
     given = GivenSettings(*plan.given[plan.scenes.index(task.scene)], read.focal)

@@ -47,6 +47,8 @@ class SceneRead(NamedTuple):
     """What the reader of its images noted."""
     focal: float
     """The focal length in pixels."""
+    hull: bytes
+    """The hull of the silhouettes, packed."""
 
 
 def scene_record(task: GroupTask, keys: list[tuple[str, str, int]]) -> SceneRead:
@@ -82,7 +84,7 @@ def scene_record(task: GroupTask, keys: list[tuple[str, str, int]]) -> SceneRead
         rendered={key: manifest[key] for key in kept if key in manifest},
         left_out=[_left_out(row) for row in rows.values()],
     )
-    return SceneRead(record, content_of(views), views.notes, views.focal)
+    return SceneRead(record, content_of(views), views.notes, views.focal, views.packed_hull)
 
 
 def _left_out(row: JsonObject) -> LeftOut:

@@ -27,6 +27,8 @@ class GroupTask:
     """The folder where the user's decoded images are kept for the next group, as long as the run lasts."""
     content: str | None = None
     """The digest of the view set when the run began; None: unchecked."""
+    hull: bytes | None = None
+    """The hull of its silhouettes, packed, if it is known."""
     device: str = "cpu"
     threads: int = 1
     keep_every: float = KEPT_EVERY

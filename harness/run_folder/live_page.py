@@ -6,6 +6,7 @@ It has a low priority and takes at most a tenth of the time of one core, so that
 import resource
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -21,37 +22,39 @@ class LivePage:
     def __init__(self, out: Path, say: Callable[[str], None]) -> None:
         self._out, self._say = out, say
         self._process: subprocess.Popen[bytes] | None = None
-        self._began = self._spent = self._cost = 0.0
+        self._thread: threading.Thread | None = None
+        self._began: float | None = None
+        self._cost = 0.0
         self._shown = False
 
     def renew(self) -> None:
-        """Begin to write the page, unless one is being written or the last is too recent. Say once where it is."""
+        """Begin to write the page, unless one is being written or the last is too recent."""
         now = time.monotonic()
-        if not self._is_ready():
+        if self._thread is not None and self._thread.is_alive():
             return
-        if not self._shown and (self._out / "report.html").is_file():
-            self._shown = True
-            self._say(f"page of the run so far: {self._out / 'report.html'}")
-        if self._began and now - self._began < self._cost / MOST:
+        if self._began is not None and now - self._began < self._cost / MOST:
             return
-        self._began, self._spent = now, _spent_by_children()
-        command = ["nice", "-n", str(NICENESS), sys.executable, "-m", "reports", str(self._out), "--partial", "--quiet"]
-        self._process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self._began = now
+        self._thread = threading.Thread(target=self._write, daemon=True)
+        self._thread.start()
 
     def close(self) -> None:
         """End the writing; the page stays as it was written last."""
         if self._process is not None:
             self._process.kill()
-            self._process.wait()
+        if self._thread is not None:
+            self._thread.join()
 
-    def _is_ready(self) -> bool:
-        """Return whether no page is being written; note the cost of the last."""
-        if self._process is None:
-            return True
-        if self._process.poll() is None:
-            return False
-        self._process, self._cost = None, _spent_by_children() - self._spent
-        return True
+    def _write(self) -> None:
+        """Write the page; note its cost, and say once where it is."""
+        spent = _spent_by_children()
+        command = ["nice", "-n", str(NICENESS), sys.executable, "-m", "reports", str(self._out), "--partial", "--quiet"]
+        self._process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        written = self._process.wait() in (0, 3)  # 3: some cell failed
+        self._cost = _spent_by_children() - spent
+        if written and not self._shown:
+            self._shown = True
+            self._say(f"page of the run so far: {self._out / 'report.html'}")
 
 
 def _spent_by_children() -> float:

@@ -36,7 +36,7 @@ from scenes.view_sets.pixels import (
     display_from_linear,
     over_white,
 )
-from scenes.view_sets.source import Region, Source, carved, completed, hull, region_in
+from scenes.view_sets.source import CELLS, Region, Source, carved, completed, hull, region_in
 from scenes.view_sets.viewpoints import SPLITS, evenly_spread, repeated
 
 CHANNELS = (*"RGBA", "Z", "N.X", "N.Y", "N.Z")
@@ -98,6 +98,16 @@ class ViewSet:
         """The cells of `bounds` that may be occupied, bool [96, 96, 96] (`scenes.view_sets.source`)."""
         alphas = (image[..., 3] for image in self.train.rgba)
         return hull(self.bounds, alphas, self.train.camera_to_world, self.focal)
+
+    @property
+    def packed_hull(self) -> bytes:
+        """Return `hull` in bits."""
+        return np.packbits(self.hull).tobytes()
+
+    def adopt_hull(self, packed: bytes) -> None:
+        """Set `hull` to that of the same views in another process, which takes seconds to compute."""
+        bits = np.unpackbits(np.frombuffer(packed, dtype=np.uint8), count=CELLS**3)
+        self.__dict__["hull"] = bits.astype(bool).reshape(CELLS, CELLS, CELLS)
 
 
 def read_view_set(

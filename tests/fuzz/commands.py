@@ -64,7 +64,7 @@ STAND_INS: dict[str, dict[str, Any]] = {
     "harness": {
         **dict.fromkeys((
             "harness.execution.run.run", "harness.execution.ground_truth.view_set_folders",
-            "harness.execution.cost.estimate_apart", "harness.studies.framework.run", "harness.gate.gate_run.run",
+            "harness.execution.cost.estimate", "harness.studies.framework.run", "harness.gate.gate_run.run",
             "harness.gate.gate_run.renew", "harness.viewer.film.film_making.make_film",
             "harness.viewer.server.application", "harness.studies.conformance.method_checks.conformance",
             "harness.machine.doctor.findings", "harness.run_folder.board.write_board",

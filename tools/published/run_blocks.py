@@ -107,8 +107,8 @@ def verdict(late: Run, early: Run, replicates: Run) -> str:
         ]
         sentences.append(f"After {run['settings']['budget']['steps']} steps {listed(parts)}.")
     sentences.append(
-        f"`{CONTROL}` is NeRF with φ's highest frequency. In brackets: 95 % intervals on scenes like these, and what is "
-        "known of sign and size (± 0.2 dB matter)."
+        f"`{CONTROL}` is NeRF with φ's highest frequency. In brackets: 95 % intervals on scenes like these, and what "
+        "is known of sign and size (± 0.2 dB matter)."
     )
     minutes, commits = (listed(list(words)) for words in zip(*map(_made, (late, early)), strict=True))
     scene = late["scenes"][0]

@@ -1,10 +1,13 @@
 """The hull of silhouettes: it holds the visible object and little else, and one bad mask has no effect."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from scenes.view_sets.source import CELLS, carved, covered, hull
-from tests.harness.ball import pose
+from scenes.view_sets.view_set import read_view_set
+from tests.harness.ball import pose, write_ball
 
 SIZE, FOCAL = 100, 139.0
 BOX = np.array([[-1.5, -1.5, -1.5], [1.5, 1.5, 1.5]])
@@ -75,3 +78,15 @@ def test_a_pixel_counts_as_covered_up_to_the_margin() -> None:
     alpha[4, 4] = 1.0 / 255
     assert np.array_equal(covered(alpha, 2).nonzero(), np.ones((9, 9))[2:7, 2:7].nonzero() + np.array([[2], [2]]))
     assert not covered(np.full((3, 3), 0.4 / 255), 1).any()
+
+
+def test_a_view_set_adopts_the_hull_that_another_process_has_of_it(tmp_path: Path) -> None:
+    folder = write_ball(tmp_path / "ball", size=16, train=5, test=1)
+    first, second = (read_view_set(folder, 16) for _ in range(2))
+    packed = first.packed_hull
+    assert 0.0 < first.hull.mean() < 1.0
+    second.adopt_hull(packed)
+    assert second.packed_hull == packed
+    np.testing.assert_array_equal(second.hull, first.hull)
+    second.adopt_hull(bytes(len(packed)))
+    assert not second.hull.any(), "it is not computed again"
