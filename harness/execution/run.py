@@ -120,6 +120,7 @@ class _Run:
         self._read: dict[str, SceneRead] = {}
         self._command = command
         self._origin = provenance(torch.device(device_here(machine))) | {"executor": machine.executor}
+        self._origin |= notices_of(self.earlier)
         self._claims = [measured_at_printed_size(file) for file in plan.claims]
         self.record = self._planned()
 
@@ -134,7 +135,7 @@ class _Run:
             scenes=with_measured([each.record for each in read], self.earlier),
             claims=self._claims,
             not_tested=[*record.not_tested, *cautions],
-            provenance=self._origin | record.provenance | notices_of(self.earlier),
+            provenance=self._origin | record.provenance,
         )
 
     def add(self, scene: str, folder: Path) -> list[GroupTask]:
@@ -196,9 +197,10 @@ class _Run:
         _ended_cells(self.out, self.plan.guest_cells())
         due = [task for task in self.tasks if self.plan.given and task.seed == self.plan.seeds[0]]
         given = [replace(task, methods=(GIVEN,), budget=Budget(0, None)) for task in due]
-        for _ in self._events([task for task in given if missing_methods(task)]):
-            pass
-        drop_folder(self.out)
+        if missing := [task for task in given if missing_methods(task)]:
+            for _ in self._events(missing):
+                pass
+            drop_folder(self.out)
 
     def _events(self, tasks: list[GroupTask], arriving: Arriving | None = None) -> Iterator[Event]:
         for event in run_groups(self.machine, tasks, self._origin["commit"], run_locally, arriving):
