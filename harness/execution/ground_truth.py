@@ -80,9 +80,6 @@ def view_set_folders(plan: Plan, cache: Path, show: Progress) -> dict[str, Path]
         return given
     folders: dict[str, Path] = {}
     for event in render_view_sets(plan.scenes, plan.views, cache, plan.scene_file, plan.render_limit):
-        if event.note:
-            show.line(event.note)
-            continue
         show.rendered(event, len(plan.scenes))
         if event.path is not None:
             folders[event.scene] = event.path

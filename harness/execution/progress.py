@@ -135,6 +135,9 @@ class Lines(Progress):
         self._expected = phases
 
     def rendered(self, event: RenderProgress, scenes: int) -> None:
+        if event.note:
+            self.line(event.note)
+            return
         if not self._scenes_done and self._rendering.share == 0:
             self._rendering = TimeLeft(scenes)
         left = self._rendering.after(1.0 if event.path is not None else event.share, event.scene)
