@@ -1,6 +1,6 @@
 """The page of a run that still trains, written again as groups end, by a process of its own.
 
-It has a low priority and takes at most a tenth of the time of one core, so that training hardly waits for it.
+It has a low priority and takes at most a twentieth of the time of one core, so that training hardly waits for it.
 """
 
 import resource
@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 NICENESS = 10
-MOST = 0.1
+MOST = 0.05
 """The maximum share of one core's time."""
 
 

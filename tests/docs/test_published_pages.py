@@ -8,14 +8,14 @@ from reports.data.load import read_records
 from reports.run.saving.archive import unpack, write_archive
 from tests.harness.shell import ROOT
 from tests.reports.fake_run import write_fake_run
-from tools.published.web_pages import PAGES, made
+from tools.published.web_pages import made, published
 
 LARGEST = 4_000_000
 """Bytes: a page is loaded by a browser, and kept by git at every publication."""
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", PAGES)
+@pytest.mark.parametrize("page", published(ROOT / "docs"))
 def test_a_page_is_what_the_data_give(page: str) -> None:
     content = (ROOT / "docs" / page).read_bytes()
     assert content == made(page, ROOT / "docs"), "python -m tools.published.web_pages"

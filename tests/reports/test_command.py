@@ -70,7 +70,7 @@ def test_no_other_file_is_replaced_and_no_page_is_built_before_that_is_said(smal
 def test_publish_writes_small_plots_and_the_numbers(tmp_path, pictured, capsys):
     main([str(pictured), "--quiet", "--publish", str(tmp_path / "docs")])
     sizes = {path.name: path.stat().st_size for path in (tmp_path / "docs").iterdir()}
-    assert set(sizes) == {"psnr.png", "error_vs_time.png", "work_precision.png", "views.png", "summary.json"}
+    assert set(sizes) == {"psnr.png", "error_vs_time.png", "work_precision.png", "views.png", "summary.json", "run.zip"}
     assert all(1000 < size < 1_000_000 for size in sizes.values())
     assert (tmp_path / "docs" / "psnr.png").read_bytes().startswith(b"\x89PNG")
 

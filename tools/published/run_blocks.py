@@ -34,6 +34,7 @@ DUELS = (
     (CONTROL, BASELINE),
 )
 NO_ESTIMATE = "–"
+NONE_REPEATED = "Neither run was repeated on another instruction set, so the words are those of one run each."
 NOT_REPEATED = "{} was not repeated on another instruction set, so its words are those of one run."
 
 
@@ -87,7 +88,8 @@ def result(run: Run, replicates: Run) -> str:
     printed = "".join(
         f"The paper prints {signed(gain['printed'], 1)} dB on average: **{gain['verdict']}**. " for gain in gains
     )
-    return f"{printed}**{answer(run, replicates)}.**\n\n{differences(run, replicates=replicates)}"
+    repeated = "" if replicates.get("runs") else f"\n\n{NOT_REPEATED.format('The run')}"
+    return f"{printed}**{answer(run, replicates)}.**\n\n{differences(run, replicates=replicates)}{repeated}"
 
 
 def verdict(late: Run, early: Run, replicates: Run) -> str:
@@ -110,6 +112,7 @@ def verdict(late: Run, early: Run, replicates: Run) -> str:
         f"`{CONTROL}` is NeRF with φ's highest frequency. In brackets: 95 % intervals on scenes like these, and what "
         "is known of sign and size (± 0.2 dB matter)."
     )
+    sentences.append(NOT_REPEATED.format("The late run") if replicates.get("runs") else NONE_REPEATED)
     minutes, commits = (listed(list(words)) for words in zip(*map(_made, (late, early)), strict=True))
     scene = late["scenes"][0]
     sentences.append(

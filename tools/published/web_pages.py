@@ -39,6 +39,11 @@ PAGES: dict[str, tuple[str, Callable[[Path, Path], Path]]] = {
 """Page → its data, both below docs, and the function that makes it in a fresh folder."""
 
 
+def published(docs: Path) -> list[str]:
+    """Return the pages whose data are published."""
+    return [page for page, (source, _) in PAGES.items() if (docs / source).is_file()]
+
+
 def made(page: str, docs: Path) -> bytes:
     source, make = PAGES[page]
     quiet = contextlib.redirect_stdout(io.StringIO())
@@ -48,7 +53,7 @@ def made(page: str, docs: Path) -> bytes:
 
 
 def main(docs: Path = Path("docs")) -> int:
-    for page in PAGES:
+    for page in published(docs):
         content = made(page, docs)
         if not (docs / page).is_file() or (docs / page).read_bytes() != content:
             (docs / page).write_bytes(content)

@@ -27,6 +27,7 @@ from reports.drawing.sheet import CROSS, Key, save_sheet
 from reports.drawing.traces import Kind, Panel, Trace
 from reports.run.curves import EVERYWHERE, diagrams
 from reports.run.pictures import as_picture, first_view, last_render, seed_shown
+from reports.run.saving.archive import write_archive
 
 SCHEMA = 1
 ABOUT_SCENE = ("width", "height", "views", "psnr_ceiling", "psnr_floor")
@@ -88,9 +89,12 @@ def write_summary(records: Records, path: Path, shelves: ShelfRecords = NO_SHELV
 
 
 def write_published(records: Records, folder: Path, shelves: ShelfRecords = NO_SHELVES) -> None:
-    """Write summary.json and, if they can be drawn, psnr.png, error_vs_time.png, work_precision.png and views.png."""
+    """Write summary.json, run.zip (`reports.run.saving.archive`) and, if they can be drawn, psnr.png,
+    error_vs_time.png, work_precision.png and views.png.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     write_summary(records, folder / "summary.json", shelves)
+    write_archive(records, folder / "run.zip")
     over_time = [diagram for diagram in diagrams(records) if diagram.cost.name in ("seconds", "core_seconds")]
     errors = [panel for diagram in over_time if diagram.name == "rmse_linear-seconds" for panel in diagram.panels]
     # wall time and processor time, side by side if both are known

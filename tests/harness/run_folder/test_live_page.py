@@ -40,7 +40,7 @@ class Machine:
         self.ended.set()
 
 
-def test_a_page_is_written_at_the_first_group_and_again_when_it_has_cost_a_tenth_of_the_time(
+def test_a_page_is_written_at_the_first_group_and_again_when_it_has_cost_a_twentieth_of_the_time(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     machine, said = Machine(monkeypatch), list[str]()
@@ -51,7 +51,7 @@ def test_a_page_is_written_at_the_first_group_and_again_when_it_has_cost_a_tenth
     words = [sys.executable, "-m", "reports", str(tmp_path), "--partial", "--quiet"]
     assert machine.commands == [["nice", "-n", "10", *words]]
     assert said == [f"page of the run so far: {tmp_path / 'report.html'}"]
-    machine.now += 59.0
+    machine.now += 119.0
     page.renew()
     assert len(machine.commands) == 1
     machine.now += 2.0
