@@ -7,6 +7,7 @@ Several outputs are compared in outputs.html, each with the first.
 
 import argparse
 import sys
+import textwrap
 from collections import Counter
 from collections.abc import Callable
 from functools import partial
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 
 Show = Callable[[str], None]
 """Prints a line, or nothing with `--quiet`."""
+COLUMNS = 80
 OWN_ERROR, BAD_INPUT, SOME_FAILED, STOPPED = 1, 2, 3, 130
 
 
@@ -224,7 +226,7 @@ def build_report(
     write_page(records, out / "report.html", shelves, shown)
     if publish is not None:
         write_published(records, publish, shelves)
-    show(headline(records).title)
+    show(textwrap.fill(headline(records).title, COLUMNS, break_on_hyphens=False))
     for cell in records.failed:
         show(f"{cell.scene}, {cell.method}, seed {cell.seed}: {cell.status} ({cell.reason or 'no reason recorded'})")
     for method, reasons in records.not_available.items():

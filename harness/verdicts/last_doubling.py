@@ -54,9 +54,9 @@ def last_doublings(cells: list[CellRecord], methods: list[str]) -> list[LastDoub
 
 
 def in_words(row: LastDoubling) -> str:
-    """Return a line of the terminal: `nerf: +0.91 dB [+0.62, +1.20] in its last doubling of steps`."""
+    """Return a line of the terminal: `nerf: +0.91 dB [+0.62, +1.20] in its last doubling`."""
     if row.gain is None:
-        return f"{row.method}: what its last doubling of steps brought is not known"
+        return f"{row.method}: what its last doubling brought is not known"
     ends = ", ".join(f"{end:+.2f}" for end in row.interval or ())
     figures = f"{row.gain:+.2f} dB{f' [{ends}]' if ends else ''}".replace("-", "−")
-    return f"{row.method}: {figures} in its last doubling of steps{'; still rising' * (row.gain >= STILL_RISING)}"
+    return f"{row.method}: {figures} in its last doubling{'; still rising' * (row.gain >= STILL_RISING)}"

@@ -140,7 +140,7 @@ def test_means_are_over_scenes_of_the_means_over_seeds_with_t_over_scenes() -> N
     assert nerf.gain == pytest.approx(1.0)
     assert nerf.interval == pytest.approx((1 - 0.5 * 12.7062, 1 + 0.5 * 12.7062), abs=1e-4)
     assert (qnerf.gain, qnerf.interval, qnerf.cells) == (None, None, 0)
-    assert in_words(nerf) == "nerf: +1.00 dB [−5.35, +7.35] in its last doubling of steps; still rising"
-    assert in_words(qnerf) == "qnerf: what its last doubling of steps brought is not known"
+    assert in_words(nerf) == "nerf: +1.00 dB [−5.35, +7.35] in its last doubling; still rising"
+    assert in_words(qnerf) == "qnerf: what its last doubling brought is not known"
     (one,) = last_doublings([rising(0.29)], ["nerf"])
-    assert in_words(one) == "nerf: +0.29 dB in its last doubling of steps"
+    assert in_words(one) == "nerf: +0.29 dB in its last doubling"
