@@ -75,7 +75,6 @@ python -m harness study families --quick --out {here}/families.json {other_sets}
 python -m harness study constants --profile smoke --scenes lego {tiny} --out {here}/constants.json {other_sets}
 nox -s judge -- docs/examples/nerfbaselines-blender.csv --out {here}/judgement
 nox -s judge -- docs/examples/own-seeds.csv --baseline nerf --metric psnr ssim --out {here}/judgement-2
-python -m harness study scaling
 python -m harness doctor
 """
 FILLED = {
