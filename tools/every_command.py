@@ -53,7 +53,6 @@ python -m scenes repeats {here}/repeats lego --resolution 8 --spp 2 --count 2
 python -m scenes sheet {here}/sheet.png lego --resolution 16 --spp 2
 nox -s stability -- --cases E1 --quick --out {here}/stability {sets} → 3
 python -m harness study sweep --profile smoke --scenes lego --methods nerf --seeds 1 {few} --out {here}/s.json {sets}
-python -m harness study equivalence --profile smoke --scenes lego {tiny} --out {here}/pairs.json {sets}
 python -m harness study omissions --profile smoke --scenes lego {tiny} --out {here}/left.json {sets} → 3
 
 nox -s frontier -- {one} --methods nerf splats --budgets 0.3 --seeds 1 --resolution 16 --out {here}/f {sets}
@@ -75,7 +74,6 @@ python -m harness study families --quick --out {here}/families.json {other_sets}
 python -m harness study constants --profile smoke --scenes lego {tiny} --out {here}/constants.json {other_sets}
 nox -s judge -- docs/examples/nerfbaselines-blender.csv --out {here}/judgement
 nox -s judge -- docs/examples/own-seeds.csv --baseline nerf --metric psnr ssim --out {here}/judgement-2
-python -m harness study scaling
 python -m harness doctor
 """
 FILLED = {

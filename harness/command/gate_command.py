@@ -16,7 +16,6 @@ GATE: Options = {
     "--renew": flag("measure the limits and references of committed code again, and write them"),
     "--limits": option(f"limits of the gates (default: {LIMITS})", "FILE", Path, default=LIMITS),
     **shared("--view-sets", "--out", "--list"),
-    "--rank": option("only compare the order of methods with that of a finished run", "RUN", Path),
     "--history": {},
     "--quiet": option("no progress, and no table"),
 }
@@ -36,11 +35,6 @@ def run_gate(options: argparse.Namespace, show: Progress) -> int:
         for gate in table:
             print(f"{gate.name:34} {gate.what}{gate.unit and f', {gate.unit}'}")
         print(f"{len(gates())} gates")
-        return 0
-    if options.rank is not None:
-        from harness.gate.references import publish
-
-        show.line(publish(options.rank, options.limits.parent))
         return 0
 
     from harness.gate.gate_run import SHELF, context_for, renew, run

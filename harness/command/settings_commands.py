@@ -1,4 +1,4 @@
-"""`python -m harness study sweep | constants | families | equivalence | omissions`: effects of settings, as JSON."""
+"""`python -m harness study sweep | constants | families | omissions`: effects of settings, as JSON."""
 
 import argparse
 import shutil
@@ -32,11 +32,6 @@ CONSTANTS: Options = {
     "--carry": option("train only the best pairs of this search, which had fewer steps", "FILE", Path),
     "--best": option("number of pairs of each method that --carry takes over", "N", int, default=3),
     "--adopt": flag("write the choice for this profile into the file from which methods take their constants"),
-}
-EQUIVALENCE: Options = {
-    **PLAN_OPTIONS,
-    "--changes": option(nargs="+", default=["grid", "precision"], choices=("grid", "precision")),
-    **FILE,
 }
 OMISSIONS: Options = {
     **PLAN_OPTIONS,
@@ -134,26 +129,6 @@ def run_constants(options: argparse.Namespace, show: Progress) -> int:
     return 0
 
 
-def run_equivalence(options: argparse.Namespace, show: Progress) -> int:
-    from harness.machine.device import available_cores
-    from harness.records.verdict import Verdict
-    from harness.studies.choices.equivalence import ScorePair, as_json, pairs
-
-    plan, _ = planned_by(options)
-
-    def line(pair: ScorePair) -> str:
-        scores = f"{_decibels(pair.psnr)} → {_decibels(pair.psnr_changed)}"
-        return f"{pair.scene} {pair.method} seed {pair.seed}, {pair.change}: {scores}"
-
-    folders = _folders(options, plan, show)
-    cells = pairs(plan, options.changes, folders, options.out.parent, available_cores(), _kept(options))
-    rows = _shown(cells, line, show)
-    for row in _written(options.out, as_json(rows, plan))["summary"]:
-        words = Verdict(**row["verdict"]).phrase
-        show.line(f"{row['change']}, {row['method']}: {row['difference']} dB {row['interval']}, {words}")
-    return 0
-
-
 def run_omissions(options: argparse.Namespace, show: Progress) -> int:
     from harness.machine.provenance import provenance
     from harness.studies.choices.omissions import as_json, too_costly, verified
@@ -226,6 +201,5 @@ STUDIES = {
     "sweep": Command("try learning rates of every method on validation views", SWEEP, run_sweep),
     "families": Command("try a few settings of each family on validation views", FAMILIES, run_families),
     "constants": Command("search unit and start of density on validation views", CONSTANTS, run_constants),
-    "equivalence": Command("measure the effect of grid and precision on scores", EQUIVALENCE, run_equivalence),
     "omissions": Command("measure what omitting unneeded parts saves and costs", OMISSIONS, run_omissions),
 }

@@ -1,4 +1,4 @@
-"""`python -m harness study evidence | frontier | stability | speed | serving | conformance | scaling`."""
+"""`python -m harness study evidence | frontier | stability | speed | serving | conformance`."""
 
 import argparse
 import sys
@@ -70,9 +70,6 @@ SERVING: Options = {
 CONFORMANCE: Options = {
     "methods": option("methods of the catalogue or of installed packages", "METHOD", nargs="*"),
     "--list": option("print all methods and checks, with their meaning"),
-}
-SCALING: Options = {
-    "--speed": option("record of `nox -s speed` on this machine", "FILE", Path, default=Path("docs/speed.json"))
 }
 
 
@@ -269,14 +266,6 @@ def methods_lines() -> list[str]:
     return lines + [f"method  {point.name}: {said_of(point)}" for points in offered().values() for point in points]
 
 
-def run_scaling(options: argparse.Namespace, show: Progress) -> int:
-    from harness.records.study import read_studies
-    from harness.studies.speed.full_setting import page
-
-    sys.stdout.write(page(read_studies(options.speed)))
-    return 0
-
-
 STUDIES = {
     "evidence": Command("measure what a verdict depends on", EVIDENCE, run_evidence),
     "frontier": Command("compare families of radiance fields at budgets of core seconds", FRONTIER, run_frontier),
@@ -284,5 +273,4 @@ STUDIES = {
     "speed": Command("measure how fast training, rendering and scoring are on this machine", SPEED, run_speed),
     "serving": Command("measure view cache, attention and first frame on a finished run", SERVING, run_serving),
     "conformance": Command("hold methods to the contract of the catalogue (exit code 3)", CONFORMANCE, run_conformance),
-    "scaling": Command("estimate the cost of the paper's full table on GPUs", SCALING, run_scaling),
 }

@@ -89,7 +89,7 @@ def estimate(plan: Plan, machine: Machine, view_sets: Path, verify: bool, before
     the run, and a method may crash its process.
     """
     if machine.executor != "local":
-        line = "estimated cost: a cluster is not measured beforehand; docs/scaling.md says how to compute it"
+        line = "estimated cost: not measured on a cluster; on a node, --dry-run without --executor estimates that node"
         return CostEstimate([line], {})
     measure = partial(measure_paces, plan, torch.device(machine.device), machine.threads)
     calls: list[Callable[[], Any]] = [measure, partial(_missing, plan, view_sets)]

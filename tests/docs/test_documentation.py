@@ -72,7 +72,6 @@ ELSEWHERE = {
     ("harness conformance", "--with"): "tests of a package, which is installed",
     ("harness run", "--lpips"): "its tests, with weights that they make",
     ("harness gate", "--renew"): "half an hour",
-    ("harness gate", "--rank"): "its tests, with a made run",
     ("harness constants", "--adopt"): "its tests, into a copy of the file",
     ("harness constants", "--device"): "tests of a GPU",
     ("harness lint", ""): "CI",

@@ -20,7 +20,6 @@ from tools.published.run_blocks import DUELS
 
 ELSEWHERE = {
     "judge.md": "tests/docs/test_judge_page.py",
-    "scaling.md": "tests/harness/studies/test_scaling.py",
     "gate-your-ci.md": "tests/harness/gate",
 }
 """Pages whose numbers have other tests."""

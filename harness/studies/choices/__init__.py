@@ -1,1 +1,1 @@
-"""What a setting changes: searches, accelerations, omissions; imports `frontier` and the rooms below it."""
+"""What a setting changes: searches and omissions; imports `frontier` and the rooms below it."""

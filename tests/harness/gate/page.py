@@ -10,7 +10,7 @@ from harness.gate import gate_speed
 from harness.gate.gates import FALSE_ALARMS, LOSS_OF_ONE, LOSS_OVER_ALL, SLOWER_FOUND, Scatter
 from harness.gate.limits import KindFacts, LimitsFile, read_stored
 from harness.gate.quality.losses import FIGURES, SINGLE
-from harness.gate.references import REFERENCES_FILE, References, rank_line
+from harness.gate.references import REFERENCES_FILE, References
 from tests.harness.gate.gate_runs import GATES, usual_judge
 
 PAGE = GATES.parent / "docs" / "gate-your-ci.md"
@@ -19,15 +19,13 @@ COLUMNS: dict[Scatter, str] = {"rounding": "same random numbers", "seeds": "othe
 
 def tables() -> dict[str, str]:
     """Return name of a marker → the text between it and its end."""
-    files = [GATES / "mutations.json", GATES / "rank.json"]
-    mutations, rank = (json.loads(file.read_text(encoding="utf-8")) for file in files)
+    mutations = json.loads((GATES / "mutations.json").read_text(encoding="utf-8"))
     stored = read_stored(GATES / REFERENCES_FILE, References)
     limits = read_stored(GATES / "limits.json", LimitsFile)
     return {
         "spread": spread_table(stored),
         "renewal": renewal(stored, limits),
         "mutations": mutation_table(mutations["rows"]),
-        "rank": rank_line(rank),
     }
 
 

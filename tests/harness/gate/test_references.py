@@ -1,19 +1,16 @@
-"""References: renewed by committed code, and how well their order predicts that of a run."""
+"""References: renewed, by committed code only."""
 
-import json
 import re
 import subprocess
 from pathlib import Path
 
-import pandas as pd
 import pytest
 from msgspec import structs
 
-from harness.command.main import main
 from harness.gate import gate_run, gate_speed
 from harness.gate.gate_context import REFERENCED
 from harness.gate.limits import read_stored, unfit, write_stored
-from harness.gate.references import RANK_FILE, REFERENCES_FILE, References, publish, ranks
+from harness.gate.references import REFERENCES_FILE, References
 from harness.machine.processor_class import class_here
 from harness.machine.provenance import committed
 from scenes.files.errors import InputError
@@ -84,45 +81,3 @@ def test_the_committed_references_are_of_these_gates(stored: References) -> None
     assert {unfit("speed", {"speed": facts}) for facts in of_speed} == {""}
     for facts in (*stored.kinds.values(), *of_speed):
         assert re.fullmatch("[0-9a-f]{12}", facts.provenance["commit"])
-
-
-OURS = {("lego", "nerf"): 20.0, ("lego", "qnerf"): 18.0, ("hotdog", "nerf"): 25.0, ("hotdog", "qnerf"): 26.0}
-
-
-@pytest.mark.parametrize(
-    ("theirs", "wanted"),
-    [
-        ({key: 2 * value + 1 for key, value in OURS.items()}, (1.0, 1.0, 2)),
-        ({key: -value for key, value in OURS.items()}, (-1.0, -1.0, 0)),
-        # ranks 2 1 3 4 against 1 2 3 4: Spearman 1 − 6 · 2 / (4 · 15), Kendall (5 − 1) / 6
-        ({**OURS, ("lego", "nerf"): 17.0}, (0.8, 0.667, 1)),
-    ],
-)
-def test_the_same_order_the_reverse_and_one_pair_that_changed_places(
-    theirs: dict[tuple[str, str], float], wanted: tuple[float, float, int]
-) -> None:
-    both = pd.DataFrame({"gate": pd.Series(OURS), "run": pd.Series(theirs)})
-    spearman, kendall, same = wanted
-    assert ranks(both) == {"spearman": spearman, "kendall": kendall, "pairs": 4, "compared": 2, "same_order": same}
-
-
-def test_a_run_is_compared_and_published(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    cells = {f"{scene}/{method}/1000": {"psnr": [value]} for (scene, method), value in OURS.items()}
-    write_stored(tmp_path / REFERENCES_FILE, References(cells=cells))
-    ended = [
-        {"scene": scene, "method": method, "seed": seed, "status": "done", "psnr": 1.5 * value}
-        for (scene, method), value in OURS.items()
-        for seed in (0, 1)
-    ]
-    lost = {"scene": "lego", "method": "nerf", "seed": 2, "status": "diverged", "psnr": None}
-    data = {"profile": "reduced", "provenance": {"commit": "abc"}, "cells": [*ended, lost]}
-    run = tmp_path / "run"
-    run.mkdir()
-    (run / "summary.json").write_text(json.dumps(data))
-    assert "Spearman 1.00, Kendall 1.00 over 4 pairs" in publish(run, tmp_path)
-    data = json.loads((tmp_path / RANK_FILE).read_text())
-    assert data["run"] == {"profile": "reduced", "commit": "abc"}
-    assert data["scores"][0] == {"scene": "hotdog", "method": "nerf", "gate": 25.0, "run": 37.5}
-    assert main(["gate", "--rank", str(run), "--limits", str(tmp_path / "limits.json")]) == 0
-    (run / "summary.json").write_text('{"cells": []}')
-    assert "no summary" in refused(capsys, "--rank", run, "--limits", tmp_path / "limits.json", command="gate")
