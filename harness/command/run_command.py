@@ -61,7 +61,8 @@ def run_run(options: argparse.Namespace, show: Progress) -> int:
     out = options.out or fresh_folder(options.profile, options.resume)
     say: Callable[[str], None] = partial(print, flush=True) if options.dry_run else show.line
     page = LivePage(out, show.line) if options.page and not options.dry_run else None
-    say(f"output folder {out}")
+    if not options.dry_run:
+        say(f"output folder {out}")
     plan, device = _planned(options, out, show)
     machine = chosen_machine(options, device, len(plan.groups()), show.line)
     for line in plan_lines(plan, machine, physical_cores()):

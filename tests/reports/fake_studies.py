@@ -211,10 +211,10 @@ def _speed() -> list[StudyRecord]:
             figure("Peak at `reduced`", 1.42, high=2.0, unit="GB", id="memory.reduced"),
             figure("Growth with 4 × the images", 0.31, high=0.1, unit="GB", id="memory.images"),
         ],
-        9: [
-            *lines("Rays a step", 9, ("rays a step", "seconds a step"), [256.0, 512.0], lambda rays: rays / 1e4,
+        11: [
+            *lines("Rays a step", 11, ("rays a step", "seconds a step"), [256.0, 512.0], lambda rays: rays / 1e4,
                    {"this code": ()}, band=0.1),
-            Series("Nothing", 9, "empty", "x", "y", [], []),
+            Series("Nothing", 11, "empty", "x", "y", [], []),
         ],
     }  # fmt: skip
     return [StudyRecord(QUESTIONS[str(item)].info, findings=some, seconds=61.2) for item, some in findings.items()]

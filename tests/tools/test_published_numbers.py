@@ -25,7 +25,7 @@ ELSEWHERE = {
 """Pages whose numbers have other tests."""
 PAGES = [page for page in pages(ROOT) if page.name not in ELSEWHERE]
 NOT_MEASURED = {
-    "README.md": ("arXiv 2512.12683 and 2601.05250", "Python 3.11", "mine - nerf >= 1.5 dB"),
+    "README.md": ("arXiv 2512.12683 and 2601.05250", "Python 3.11"),
     "full-setting.md": ("36 dB for training", "40 dB for test"),
     "cluster.md": ("Python 3.11", "Ray 2.60.0"),
     "findings.md": ("95 % interval",),
@@ -113,7 +113,8 @@ def test_the_words_follow_the_verdict(tmp_path: Path, verdict: Verdict) -> None:
 
     rows = [line for line in block("result", changed(tmp_path, judged)).splitlines() if line.startswith("| `")]
     assert rows
-    assert all(f": {verdict.phrase} |" in row for row in rows)
+    words = {verdict.phrase, "too few seeds for a verdict" if verdict == OPEN else verdict.phrase}
+    assert all(row.split(" | ")[2].rpartition(": ")[2] in words for row in rows)
 
 
 PUBLISHED = 0.137
@@ -223,7 +224,6 @@ def test_the_frontier_is_told_by_its_means_and_answers(tmp_path: Path) -> None:
     near = "At 4 core seconds planes is not distinguished from splats."
     leaders = f"splats is best, 30.10 dB. It wins. {near} 2 scenes, 1 seed, some processor: "
     assert block("leaders", tmp_path).startswith(leaders), "nerf is 8.75 dB behind on both scenes"
-    assert "](docs/frontier/frontier.png)" in block("leaders", tmp_path)
 
 
 def test_another_processor_and_failed_runs_are_told(tmp_path: Path) -> None:

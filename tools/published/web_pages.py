@@ -1,37 +1,47 @@
-"""python -m tools.published.web_pages: make the pages that can be opened from the repository, from published data."""
+"""python -m tools.published.web_pages: make the pages that can be opened from the repository, from published data.
 
-import contextlib
-import io
+Each is made by a process of its own, as names inside a page count the figures that its process has drawn.
+"""
+
+import os
 import shutil
+import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from harness.command.main import main as harness
-from reports.__main__ import main as reports
 from reports.run.saving.archive import unpack
 
+ROOT = Path(__file__).parents[2]
 
-def _of_run(source: Path, out: Path) -> Path:
-    unpack(source, out)
-    reports([str(out), "--quiet"])
+
+def _call(docs: Path, *words: object) -> None:
+    """Run a module of the project in the folder `docs`: a page of a table names the file as it was given."""
+    command = [sys.executable, "-m", *map(str, words)]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    subprocess.run(command, cwd=docs, env=environment, check=True, stdout=subprocess.DEVNULL)
+
+
+def _of_run(docs: Path, source: str, out: Path) -> Path:
+    unpack(docs / source, out)
+    _call(docs, "reports", out, "--quiet")
     return out / "report.html"
 
 
-def _of_studies(source: Path, out: Path) -> Path:
+def _of_studies(docs: Path, source: str, out: Path) -> Path:
     out.mkdir()
-    shutil.copy(source, out)
-    reports([str(out), "--quiet"])
-    return out / f"{source.stem}.html"
+    shutil.copy(docs / source, out)
+    _call(docs, "reports", out, "--quiet")
+    return out / f"{Path(source).stem}.html"
 
 
-def _of_table(source: Path, out: Path) -> Path:
-    harness(["judge", str(source), "--out", str(out)])
+def _of_table(docs: Path, source: str, out: Path) -> Path:
+    _call(docs, "harness", "judge", source, "--out", out)
     return out / "judgement.html"
 
 
-PAGES: dict[str, tuple[str, Callable[[Path, Path], Path]]] = {
+PAGES: dict[str, tuple[str, Callable[[Path, str, Path], Path]]] = {
     "reduced/report.html": ("reduced/run.zip", _of_run),
     "frontier/frontier.html": ("frontier/frontier.json", _of_studies),
     "examples/judgement.html": ("examples/nerfbaselines-blender.csv", _of_table),
@@ -46,13 +56,11 @@ def published(docs: Path) -> list[str]:
 
 def made(page: str, docs: Path) -> bytes:
     source, make = PAGES[page]
-    quiet = contextlib.redirect_stdout(io.StringIO())
-    # a page of a table names the file as it was given
-    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(docs), quiet:
-        return make(Path(source), Path(folder) / "out").read_bytes()
+    with tempfile.TemporaryDirectory() as folder:
+        return make(docs, source, Path(folder) / "out").read_bytes()
 
 
-def main(docs: Path = Path("docs")) -> int:
+def main(docs: Path = ROOT / "docs") -> int:
     for page in published(docs):
         content = made(page, docs)
         if not (docs / page).is_file() or (docs / page).read_bytes() != content:

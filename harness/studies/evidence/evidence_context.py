@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 
 from harness.plan.needed import kept
-from harness.plan.profiles import PROFILES
+from harness.plan.profiles import PROFILES, REDUCED_VIEWS
 from harness.plan.run_plan import Plan
 from harness.plan.schedule import Budget
 from harness.records.metric_table import METRICS
@@ -50,7 +50,7 @@ class Training:
     seeds: tuple[int, ...] = (0, 1, 2)
     resolution: int = 100
     train_views: int = 100
-    test_views: int = 15
+    test_views: int = REDUCED_VIEWS.test
     checkpoints: int = 3
     need: tuple[str, ...] = ()
     """Parts to keep even if the scenes do not need them (`harness.plan.needed.FORCEABLE`)."""

@@ -92,17 +92,17 @@ def test_studies_are_done_in_the_order_of_their_catalogue_and_recorded(
 def test_a_stopped_run_keeps_complete_studies_and_is_resumed_with_the_same_options(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    scripted(monkeypatch, stop_in="5")
-    assert run(tmp_path / "out", "2", "5", "6") == 130
+    scripted(monkeypatch, stop_in="4")
+    assert run(tmp_path / "out", "2", "4", "7") == 130
     assert "1 of 3 questions are kept" in capsys.readouterr().err
     assert done(tmp_path / "out") == ["2"]
     assert not read_studies(tmp_path / "out/speed.json").finished
     again = scripted(monkeypatch)
-    assert run(tmp_path / "out", "2", "5", "6", resume=True) == 0
-    assert again.asked == ["5", "6"]
+    assert run(tmp_path / "out", "2", "4", "7", resume=True) == 0
+    assert again.asked == ["4", "7"]
     others = ("--quiet", "--quick", "--plain-seconds", "7", "--resume", "--out", tmp_path / "out")
     assert "other options" in refused(capsys, *others, command="speed")
-    assert done(tmp_path / "out") == ["2", "5", "6"]
+    assert done(tmp_path / "out") == ["2", "4", "7"]
 
 
 def test_a_study_of_a_resumed_record_names_its_own_commit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -110,7 +110,7 @@ def test_a_study_of_a_resumed_record_names_its_own_commit(tmp_path: Path, monkey
     run(tmp_path / "out", "2")
     record = read_studies(path := tmp_path / "out/speed.json")
     write_studies(path, replace(record, provenance={**record.provenance, "commit": "of another"}))
-    run(tmp_path / "out", "2", "5", resume=True)
+    run(tmp_path / "out", "2", "4", resume=True)
     first, second = read_studies(path).studies
     assert not first.scale
     assert second.scale == f"Measured at commit {record.provenance['commit']}"
@@ -118,10 +118,10 @@ def test_a_study_of_a_resumed_record_names_its_own_commit(tmp_path: Path, monkey
 
 @pytest.mark.parametrize(("owner", "code"), [("ours", 3), ("paper", 0), ("usual", 0), ("machine", 0)])
 def test_only_our_checks_fail_the_run(owner: str, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    scripted(monkeypatch, fail_in="5", owner=owner)
-    assert run(tmp_path / "out", "2", "5") == code
+    scripted(monkeypatch, fail_in="4", owner=owner)
+    assert run(tmp_path / "out", "2", "4") == code
     broken = read_studies(tmp_path / "out/speed.json").broken
-    assert [study.info.id for study, _ in broken] == (["5"] if code else [])
+    assert [study.info.id for study, _ in broken] == (["4"] if code else [])
 
 
 def test_a_damaged_record_is_named_moved_aside_and_measured_again(

@@ -14,7 +14,6 @@ from harness.command.plan_options import planned
 from harness.execution import run
 from harness.execution.progress import Progress
 from harness.plan.group_task import GroupTask
-from harness.plan.planned_record import planned_record
 from harness.plan.run_plan import Machine
 from harness.records.cells import CellRecord
 from harness.records.pictures import sealed, unsealed
@@ -231,7 +230,6 @@ def test_its_folder_goes_with_the_last_of_them(tmp_path: Path, monkeypatch: pyte
     if kept:
         path.write_bytes(b"of a cell that ended in an error")
     plan = planned("smoke", scenes=["lego"], methods=["nerf"], seeds=1)
-    machine, record = Machine("cpu", 1, 1), planned_record(plan, "run")
-    record.provenance["commit"] = "unknown"
-    run._train(plan.tasks({"lego": tmp_path}, machine, tmp_path), plan.cells(), record, machine, Progress())
+    this = run._Run(plan, tmp_path, Machine("cpu", 1, 1), "run", None, Progress(), lambda: None)
+    this.train(None)
     assert path.parent.exists() == kept
