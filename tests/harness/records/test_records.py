@@ -34,7 +34,7 @@ from harness.records.cells import (
     write_run,
 )
 from harness.records.json_record import digest_of, load_json, plain, write_record
-from harness.records.metric_table import METRICS
+from harness.records.metric_table import METRICS, POSSIBLE
 from harness.records.verdict import OPEN, Verdict
 from harness.verdicts.claim_files import known_claims
 from scenes.files.errors import DamagedRecord, as_text
@@ -90,7 +90,8 @@ json_values = st.recursive(
 
 @given(
     reason=st.none() | text,
-    scores=st.dictionaries(text, st.none() | finite, max_size=3),
+    # any number is a score of a metric that is not known
+    scores=st.dictionaries(text.filter(lambda name: name not in POSSIBLE), st.none() | finite, max_size=3),
     provenance=st.dictionaries(text, json_values, max_size=3),
 )
 @settings(deadline=None, max_examples=60)
