@@ -26,7 +26,11 @@ from scenes.files.errors import InputError
 
 LAST_BIT = 2.0**-23
 TRAIN = replace(
-    SHORT_TRAINING, warm_up_steps=20, grid=GridSettings(cells=32, first_step=60, every=20), precision="float32"
+    SHORT_TRAINING,
+    warm_up_steps=20,
+    contrast_weight=0.0,
+    grid=GridSettings(cells=32, first_step=60, every=20),
+    precision="float32",
 )
 """The training settings, in float32, so that machines differ only by rounding."""
 
