@@ -72,7 +72,8 @@ def run(
             with this.phases.timed("render"):
                 for scene, folder in view_set_folders(plan, view_sets, show).items():
                     this.add(scene, folder)
-                this.caution()
+                for scene in plan.scenes:
+                    this.caution(scene)
         else:
             arriving = Arriving(plan, view_sets, machine, this.arrived)
         this.write()
@@ -125,14 +126,18 @@ class _Run:
         self.record = self._planned()
 
     def _planned(self) -> RunRecord:
-        """Return the record with the scenes that are ready, in the order of the plan."""
+        """Return the record with the scenes that are ready, in the order of the plan; others are as an earlier part of
+        the run recorded them, so that a resumed run that is killed at once has lost nothing.
+        """
         read = [self._read[scene] for scene in self.plan.scenes if scene in self._read]
+        scenes = {scene.name: scene for scene in self.earlier.scenes} if self.earlier else {}
+        scenes |= {each.record.name: each.record for each in read}
         notes = {each.record.name: each.notes for each in read} if self.plan.view_set else {}
         record = planned_record(self.plan, self._command, notes)
         cautions = [f"{each.record.name}: {caution}" for each in read for caution in each.record.cautions]
         return structs.replace(
             record,
-            scenes=with_measured([each.record for each in read], self.earlier),
+            scenes=with_measured([scenes[name] for name in self.plan.scenes if name in scenes], self.earlier),
             claims=self._claims,
             not_tested=[*record.not_tested, *cautions],
             provenance=self._origin | record.provenance,
@@ -151,20 +156,19 @@ class _Run:
 
     def arrived(self, scene: str, folder: Path) -> list[GroupTask]:
         tasks = self.add(scene, folder)
-        for caution in self._read[scene].record.cautions:
-            self.show.line(f"view set {scene}: {caution}")
+        self.caution(scene)
         self.write()
         return tasks
 
-    def caution(self) -> None:
-        """Say what the user should know of all view sets before they are trained on."""
-        for scene in self.record.scenes if self.plan.view_set else ():
+    def caution(self, name: str) -> None:
+        """Say what the user should know of a view set before it is trained on."""
+        scene = self._read[name].record
+        if self.plan.view_set:
             box = " ".join(f"{x:.3g}" for corner in scene.bounds for x in corner)
             left = f"its silhouettes leave {scene.hull_share:.0%} of it; {scene.seen}"
-            self.show.line(f"view set {scene.name}: box {box}; {left}")
-        for scene in self.record.scenes:
-            for caution in scene.cautions:
-                self.show.line(f"view set {scene.name}: {caution}")
+            self.show.line(f"view set {name}: box {box}; {left}")
+        for caution in scene.cautions:
+            self.show.line(f"view set {name}: {caution}")
 
     def write(self, finished: bool = False) -> None:
         cells = list(read_cells_of(self.out, self.keys))

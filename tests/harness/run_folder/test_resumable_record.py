@@ -11,8 +11,12 @@ from typing import Any
 import pytest
 
 from harness.command.main import main
+from harness.command.plan_options import planned
 from harness.execution.group_loop import Event
+from harness.execution.progress import Progress
+from harness.execution.run import _Run
 from harness.plan.group_task import GroupTask
+from harness.plan.run_plan import Machine
 from harness.records.cells import (
     CellRecord,
     LeftOut,
@@ -176,6 +180,16 @@ def test_notices_of_all_parts_are_kept_once(ball_folder: Path, out: Path) -> Non
     assert read_run(out).provenance["notices"] == ["a node died", "another"]
     assert run_command(out, ball_folder, "--resume") == 0
     assert read_run(out).provenance["notices"] == ["a node died", "another"]
+
+
+def test_before_its_scenes_are_read_again_a_resumed_run_has_those_that_were_recorded(
+    finished: Path, out: Path, ball_folder: Path
+) -> None:
+    plan = planned("smoke", view_set=[ball_folder], methods=["nerf", "qnerf"], seeds=1)
+    fresh = _Run(plan, out / "new", Machine("cpu", 1, 1), "run", None, Progress(), lambda: None)
+    assert fresh.record.scenes == []
+    resumed = _Run(plan, out, Machine("cpu", 1, 1), "run", None, Progress(), lambda: None)
+    assert resumed.record.scenes == read_run(finished).scenes
 
 
 MEASURED = LeftOut(
