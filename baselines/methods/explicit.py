@@ -50,10 +50,10 @@ class GaussianSettings:
 
     first: int
     most: int
-    first_opacity: float = 0.1
+    first_opacity: float = 0.5
     degree: int = 2
     """The degree of the spherical harmonics, 0 to 3, where colour depends on the direction."""
-    widened: float = 0.5
+    widened: float = 0.2
     """The standard deviation, in pixels of the training views, by which a Gaussian is widened."""
     faster: float = 1.0
     """The factor of the learning rates, which are those at the start."""
@@ -61,7 +61,7 @@ class GaussianSettings:
     log_scale: float = 1e-1
     rotation: float = 5e-2
     opacity: float = 5e-1
-    colour: float = 2e-1
+    colour: float = 1e-1
     harmonics: float = 2.5e-2
     last_rate: float = 0.02
     """The share of the rates that is left at the end."""
@@ -74,11 +74,8 @@ class GaussianSettings:
     """The share of new Gaussians at each relocation."""
     dead: float = 0.005
     """The opacity below which a Gaussian is moved to another one."""
-    wander: float = 2000.0
-    """The random step of almost invisible Gaussians in units of the position's rate (paper: 5e5 per scene unit)."""
-    lighter_opacity: float = 1e-3
-    """The weight in the loss of the mean opacity, and below of the mean scale: Gaussians that are not needed vanish."""
-    lighter_scale: float = 1e-3
+    ssim_weight: float = 0.0
+    """The weight of 1 − SSIM in the loss, beside the mean square error; `ellipsoids`, which see no views, have none."""
 
 
 @dataclass(frozen=True)
@@ -155,7 +152,7 @@ TABLES = {
 GAUSSIANS = {
     "splats": (GaussianSettings(4000, 8000), "3-D Gaussians with spherical harmonics, drawn front to back"),
     "ellipsoids": (
-        GaussianSettings(3000, 5000, faster=2.0),
+        GaussianSettings(3000, 5000, faster=2.0, colour=0.2),
         "the same Gaussians, traced and differentiated by Mitsuba",
     ),
 }

@@ -38,6 +38,12 @@ def parts_of(values: Float[Tensor, "gaussians columns"]) -> tuple[Tensor, ...]:
     return parts
 
 
+def on_plane(directions: Float[Tensor, "rays 3"], axes: Float[Tensor, "3 3"]) -> Float[Tensor, "rays 2"]:
+    """Return where rays meet the plane at distance 1, of which `axes` are the directions right, down and forward."""
+    seen = directions @ axes
+    return seen[:, :2] / seen[:, 2:]
+
+
 @dataclass(frozen=True, eq=False)
 class Pencil:
     """The rays of one camera, as points of the plane at distance 1 in front of it."""
@@ -55,10 +61,9 @@ class Pencil:
         right = torch.zeros(3).index_fill(0, forward.abs().argmin(), 1.0)
         right = normalize(right - (right @ forward) * forward, dim=0)
         axes = torch.stack([right, torch.linalg.cross(forward, right), forward], dim=1)
-        seen = directions @ axes
-        if bool((seen[:, 2] < 1e-2).any()):
+        if bool((directions @ forward < 1e-2).any()):
             raise ValueError("rays of one camera that span half a sphere: splats are drawn on a plane")
-        return Pencil(origin, axes, near, RayCells.of((seen[:, :2] / seen[:, 2:]).numpy()))
+        return Pencil(origin, axes, near, RayCells.of(on_plane(directions, axes).numpy()))
 
 
 @dataclass(eq=False)

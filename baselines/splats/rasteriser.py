@@ -3,8 +3,8 @@ processor (Kerbl et al. 2023, arXiv 2308.04079, without its tiles).
 
 One Gaussian after the other visits the rays that it covers: the transmittances of all rays fit in the cache, and no
 list of Gaussians is made for a tile. The rays may be any rays of one camera. They are sorted into rows of small cells,
-so that a Gaussian finds its rays without a search. The rays of a row are adjacent, so that the processor works on
-several at once: a loop over them has no branch. Every sum runs in a fixed order, which depends on the number of rays.
+so that a Gaussian finds its rays without a search. Their numbers are first copied side by side: a Gaussian covers a few
+rays in each of several rows, too few for the processor to work on several at once. Every sum runs in a fixed order.
 All compiled code that calls other compiled code is in this file, as numba's cache would not see a change elsewhere.
 """
 
@@ -257,6 +257,22 @@ def _covered(centre: float, half: float, lower: float, size: float, count: int) 
     return max(np.int64(first), 0), min(np.int64(last), count - 1)
 
 
+@njit(inline="always")
+@no_type_check
+def _find_rays(rays: RayCells, band: tuple[int, int], shape: np.ndarray, half: np.ndarray, found: np.ndarray) -> int:
+    """Fill `found` with the rays in the cells of the rows `band` that a Gaussian's box reaches; return how many."""
+    start, columns, lower, size = rays.start, rays.columns, rays.lower, rays.size
+    row, end = _covered(shape[1], half[1], lower[1], size[1], band[1])
+    left, right = _covered(shape[0], half[0], lower[0], size[0], columns)
+    count = 0
+    if left <= right:
+        for r in range(max(row, band[0]), end + 1):
+            for i in range(start[r * columns + left], start[r * columns + right + 1]):
+                found[count] = i
+                count += 1
+    return count
+
+
 FALL = tuple(
     np.float32(c)
     for c in Chebyshev.interpolate(lambda x: np.exp(-x), 6, domain=[0.0, 0.695]).convert(kind=Polynomial).coef
@@ -295,49 +311,34 @@ def _falloff_of(power):
 def _forward(
     rays: RayCells, band: tuple[int, int], projected: Projected, out: np.ndarray, through: np.ndarray, last: np.ndarray
 ) -> int:
-    """Draw Gaussians over the rows `band`. Add to `out` [4, rays]; `through` [rays] is the transmittance, `last` [rays]
+    """Draw Gaussians over the rows `band`. Add to `out` [rays, 4]; `through` [rays] is the transmittance, `last` [rays]
     the last Gaussian drawn. Return how often a Gaussian was drawn on a ray.
     """
-    at, start, columns, lower, size = rays.at, rays.start, rays.columns, rays.lower, rays.size
     shapes, halves, colours = projected.shapes, projected.halves, projected.colours
-    drawn, row_of = 0, np.empty(at.shape[1], at.dtype)
+    found = np.empty(through.shape[0], np.int32)
+    x, y, let, weight = np.empty_like(through), np.empty_like(through), np.empty_like(through), np.empty_like(through)
+    drawn = 0
     for g in range(shapes.shape[0]):
+        count = _find_rays(rays, band, shapes[g], halves[g], found)
+        for i in range(count):
+            x[i], y[i], let[i] = rays.at[0, found[i]], rays.at[1, found[i]], through[found[i]]
         cx, cy, xx, xy, yy, opacity = shapes[g]
-        red, green, blue, depth = colours[g]
         faintest = math.log(np.float32(255.0) * opacity)
-        row, end = _covered(cy, halves[g, 1], lower[1], size[1], band[1])
-        left, right = _covered(cx, halves[g, 0], lower[0], size[0], columns)
-        if left > right:
-            continue
-        for r in range(max(row, band[0]), end + 1):
-            some = slice(start[r * columns + left], start[r * columns + right + 1])
-            x, y, let, final = at[0, some], at[1, some], through[some], last[some]
-            weight = row_of[: x.shape[0]]
-            for i in range(x.shape[0]):
-                dx, dy = x[i] - cx, y[i] - cy
-                power = HALF * (xx * dx * dx + yy * dy * dy) + xy * dx * dy
-                alpha = min(opacity * _falloff(power), CLAMP)
-                weight[i] = NOTHING if power > faintest else alpha
-            for i in range(x.shape[0]):
-                alpha = NOTHING if let[i] < END else weight[i]
-                weight[i] = alpha * let[i]
-                let[i] *= ONE - alpha
-            _add(out[0, some], weight, red)
-            _add(out[1, some], weight, green)
-            _add(out[2, some], weight, blue)
-            _add(out[3, some], weight, depth)
-            for i in range(x.shape[0]):
-                is_drawn = weight[i] != NOTHING
-                final[i] = np.int32(g) if is_drawn else final[i]
-                drawn += np.int64(is_drawn)
+        for i in range(count):
+            dx, dy = x[i] - cx, y[i] - cy
+            power = HALF * (xx * dx * dx + yy * dy * dy) + xy * dx * dy
+            alpha = min(opacity * _falloff(power), CLAMP)
+            alpha = NOTHING if (power > faintest) | (let[i] < END) else alpha
+            weight[i] = alpha * let[i]
+            let[i] *= ONE - alpha
+        for i in range(count):
+            if weight[i] != NOTHING:
+                ray = found[i]
+                for c in range(4):
+                    out[ray, c] += weight[i] * colours[g, c]
+                through[ray], last[ray] = let[i], g
+                drawn += 1
     return drawn
-
-
-@njit(inline="always")
-@no_type_check
-def _add(total: np.ndarray, weight: np.ndarray, value: float) -> None:
-    for i in range(total.shape[0]):
-        total[i] += weight[i] * value
 
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath={"contract", "arcp", "reassoc"})
@@ -346,59 +347,61 @@ def _backward(
     rays: RayCells, projected: Projected, v_out: np.ndarray,
     through: np.ndarray, behind: np.ndarray, last: np.ndarray, v_shapes: np.ndarray, v_colours: np.ndarray,
 ) -> None:  # fmt: skip
-    """Undo `_forward` from back to front, and fill `v_shapes` and `v_colours` from `v_out` [4, rays]. `behind` [rays]
+    """Undo `_forward` from back to front, and fill `v_shapes` and `v_colours` from `v_out` [rays, 4]. `behind` [rays]
     is the transmittance times its gradient; `through` and `behind` are overwritten.
     """
-    at, start, columns, lower, size = rays.at, rays.start, rays.columns, rays.lower, rays.size
     shapes, halves, colours = projected.shapes, projected.halves, projected.colours
-    alphas, shares, weights = np.empty_like(through), np.empty_like(through), np.empty_like(through)
-    owns, slopes = np.empty_like(through), np.empty_like(through)
+    found = np.empty(through.shape[0], np.int32)
+    x, y, let, rest = np.empty_like(through), np.empty_like(through), np.empty_like(through), np.empty_like(through)
+    g0, g1, g2, g3 = np.empty_like(through), np.empty_like(through), np.empty_like(through), np.empty_like(through)
+    alpha, share, weight = np.empty_like(through), np.empty_like(through), np.empty_like(through)
+    own, slope = np.empty_like(through), np.empty_like(through)
     for g in range(shapes.shape[0] - 1, -1, -1):
+        count = _find_rays(rays, (0, rays.rows), shapes[g], halves[g], found)
+        met = 0
+        for i in range(count):
+            ray = found[i]
+            if g <= last[ray]:
+                found[met] = ray
+                x[met], y[met], let[met], rest[met] = rays.at[0, ray], rays.at[1, ray], through[ray], behind[ray]
+                g0[met], g1[met], g2[met], g3[met] = v_out[ray, 0], v_out[ray, 1], v_out[ray, 2], v_out[ray, 3]
+                met += 1
         cx, cy, xx, xy, yy, opacity = shapes[g]
         red, green, blue, depth = colours[g]
         faintest = math.log(np.float32(255.0) * opacity)
-        row, end = _covered(cy, halves[g, 1], lower[1], size[1], rays.rows)
-        left, right = _covered(cx, halves[g, 0], lower[0], size[0], columns)
-        if left > right:
-            continue
         v_cx = v_cy = v_xx = v_xy = v_yy = v_opacity = c0 = c1 = c2 = c3 = opacity * NOTHING
-        for r in range(row, end + 1):
-            some = slice(start[r * columns + left], start[r * columns + right + 1])
-            x, y, let, rest, final = at[0, some], at[1, some], through[some], behind[some], last[some]
-            g0, g1, g2, g3 = v_out[0, some], v_out[1, some], v_out[2, some], v_out[3, some]
-            alpha, share, weight = alphas[: x.shape[0]], shares[: x.shape[0]], weights[: x.shape[0]]
-            own, v_alpha = owns[: x.shape[0]], slopes[: x.shape[0]]
-            for i in range(x.shape[0]):
-                dx, dy = x[i] - cx, y[i] - cy
-                power = HALF * (xx * dx * dx + yy * dy * dy) + xy * dx * dy
-                fall = _falloff(power)
-                fall = NOTHING if (power > faintest) | (g > final[i]) else fall
-                alpha[i] = min(opacity * fall, CLAMP)
-                share[i] = fall if opacity * fall < CLAMP else NOTHING  # an opacity at its limit has no slope
-            # separate short loops, as the compiler vectorises a loop that writes to few arrays
-            for i in range(x.shape[0]):
-                let[i] /= ONE - alpha[i]
-                weight[i] = alpha[i] * let[i]
-            for i in range(x.shape[0]):
-                own[i] = red * g0[i] + green * g1[i] + blue * g2[i] + depth * g3[i]
-            for i in range(x.shape[0]):
-                v_alpha[i] = let[i] * own[i] - rest[i] / (ONE - alpha[i])
-            for i in range(x.shape[0]):
-                rest[i] += weight[i] * own[i]
-            for i in range(x.shape[0]):
-                c0 += weight[i] * g0[i]
-                c1 += weight[i] * g1[i]
-                c2 += weight[i] * g2[i]
-                c3 += weight[i] * g3[i]
-            for i in range(x.shape[0]):
-                dx, dy = x[i] - cx, y[i] - cy
-                v_opacity += share[i] * v_alpha[i]
-                v_power = -opacity * share[i] * v_alpha[i]
-                v_xx += HALF * dx * dx * v_power
-                v_xy += dx * dy * v_power
-                v_yy += HALF * dy * dy * v_power
-                v_cx -= (xx * dx + xy * dy) * v_power
-                v_cy -= (yy * dy + xy * dx) * v_power
+        for i in range(met):
+            dx, dy = x[i] - cx, y[i] - cy
+            power = HALF * (xx * dx * dx + yy * dy * dy) + xy * dx * dy
+            fall = _falloff(power)
+            fall = NOTHING if power > faintest else fall
+            alpha[i] = min(opacity * fall, CLAMP)
+            share[i] = fall if opacity * fall < CLAMP else NOTHING  # an opacity at its limit has no slope
+        # separate short loops, as the compiler vectorises a loop that writes to few arrays
+        for i in range(met):
+            let[i] /= ONE - alpha[i]
+            weight[i] = alpha[i] * let[i]
+        for i in range(met):
+            own[i] = red * g0[i] + green * g1[i] + blue * g2[i] + depth * g3[i]
+            slope[i] = share[i] * (let[i] * own[i] - rest[i] / (ONE - alpha[i]))
+        for i in range(met):
+            rest[i] += weight[i] * own[i]
+        for i in range(met):
+            c0 += weight[i] * g0[i]
+            c1 += weight[i] * g1[i]
+            c2 += weight[i] * g2[i]
+            c3 += weight[i] * g3[i]
+        for i in range(met):
+            dx, dy = x[i] - cx, y[i] - cy
+            v_opacity += slope[i]
+            v_power = -opacity * slope[i]
+            v_xx += HALF * dx * dx * v_power
+            v_xy += dx * dy * v_power
+            v_yy += HALF * dy * dy * v_power
+            v_cx -= (xx * dx + xy * dy) * v_power
+            v_cy -= (yy * dy + xy * dx) * v_power
+        for i in range(met):
+            through[found[i]], behind[found[i]] = let[i], rest[i]
         v_shapes[g, 0], v_shapes[g, 1], v_shapes[g, 2] = v_cx, v_cy, v_xx
         v_shapes[g, 3], v_shapes[g, 4], v_shapes[g, 5] = v_xy, v_yy, v_opacity
         v_colours[g, 0], v_colours[g, 1], v_colours[g, 2], v_colours[g, 3] = c0, c1, c2, c3
@@ -435,7 +438,7 @@ class Drawn(torch.autograd.Function):
         order = order[np.searchsorted(depth[order], eye.nearest) :]
         projected = Projected(*(np.empty((len(order), size), kind) for size in (6, 2, 4)))
         _project(given, order, eye, projected)
-        out, through = np.zeros((4, count), kind), np.ones(count, kind)
+        out, through = np.zeros((count, 4), kind), np.ones(count, kind)
         last = np.full(count, -1, np.int32)
 
         def draw(band: tuple[int, int]) -> int:
@@ -444,7 +447,7 @@ class Drawn(torch.autograd.Function):
         drawn = sum(_at_once(draw, rays.bands(torch.get_num_threads())))
         ctx.save_for_backward(values, *map(torch.from_numpy, (order, *projected, through, last)))
         ctx.rays, ctx.eye = rays, eye
-        return torch.from_numpy(out[:, rays.back]).T, torch.from_numpy(through[rays.back]), drawn
+        return torch.from_numpy(out[rays.back]), torch.from_numpy(through[rays.back]), drawn
 
     @staticmethod
     @once_differentiable
@@ -453,7 +456,7 @@ class Drawn(torch.autograd.Function):
         rays, projected = ctx.rays, Projected(*parts)
         v_shapes, v_colours = np.zeros_like(projected.shapes), np.zeros_like(projected.colours)
         behind = through * v_through.numpy()[rays.order]
-        _backward(rays, projected, v_out.numpy().T[:, rays.order], through.copy(), behind, last, v_shapes, v_colours)
+        _backward(rays, projected, v_out.numpy()[rays.order], through.copy(), behind, last, v_shapes, v_colours)
         v_values = np.zeros_like(values)
         _project_back(values, order, ctx.eye, projected, v_shapes, v_colours, v_values)
         return None, None, torch.from_numpy(v_values)

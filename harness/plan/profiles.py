@@ -117,7 +117,7 @@ PROFILES: dict[str, Plan] = {
         scenes=tuple(CLASSICS),
         methods=COMPARED,
         seeds=(0, 1, 2),
-        budget=Budget(steps=850, seconds=None),
+        budget=Budget(steps=750, seconds=None),
         train=REDUCED_TRAINING,
         score=ScoreSettings(checkpoints=4, earliest=0.125, curve_views=4, chunk=2048, train_views=2),
         views=REDUCED_VIEWS,

@@ -144,6 +144,8 @@ class Batches:
         self._covered = covered_pixels(rgba) if covered_share else np.zeros(0, dtype=np.int64)
         self._chances = self._cumulated(contrast_weight) if contrast_weight and len(self._covered) else None
         """The cumulated chances of the covered pixels; None if they are equal."""
+        self._rays: dict[int, Rays] = {}
+        """View → all its rays, where the images are in memory."""
         self._last: tuple[tuple[int | str, int, int], Batch] | None = None
         self._resident: Float[Tensor, "pixels 3"] | None = None
         """The colours over white of all pixels, on the device."""
@@ -191,7 +193,7 @@ class Batches:
     def for_learner(
         self, whole_views: bool, seed: int | str, count: int, in_turns: bool = False
     ) -> Callable[[int], Batch]:
-        """Return step → batch: `count` rays, or with `whole_views` all pixels of a random training view, row by row. A
+        """Return step → batch: `count` rays, or with `whole_views` all pixels of a training view, row by row. A
         learner in turns makes its batches on its own clock; it waits for none if the device holds the images.
         """
         if whole_views:
@@ -216,9 +218,15 @@ class Batches:
         return batch._replace(seconds=watch.seconds, core_seconds=watch.core_seconds)
 
     def _view(self, seed: int | str, step: int) -> Batch:
-        view = int(torch.randint(len(self.cameras), (1,), generator=generator_for(seed, step, "view")))
-        colours = torch.from_numpy(over_white(self.rgba[view])).reshape(-1, 3)
-        return Batch(self.cameras.all_rays(view), colours.to(self.cameras.camera_to_world.device))
+        """Return a view; each is drawn once before one is drawn again."""
+        turn, place = divmod(step, len(self.cameras))
+        view = int(torch.randperm(len(self.cameras), generator=generator_for(seed, turn, "views"))[place])
+        if self._resident is None:
+            colours = torch.from_numpy(over_white(self.rgba[view])).reshape(-1, 3)
+            return Batch(self.cameras.all_rays(view), colours.to(self.cameras.camera_to_world.device))
+        if view not in self._rays:
+            self._rays[view] = self.cameras.all_rays(view)
+        return Batch(self._rays[view], self._resident.view(len(self.cameras), -1, 3)[view])
 
     def _drawn(self, seed: int | str, step: int, count: int) -> Batch:
         generator = generator_for(seed, step, "batch")

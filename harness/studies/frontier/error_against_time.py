@@ -7,13 +7,14 @@ import numpy as np
 from harness.records.study import Series, Table
 from harness.studies.evidence.contrasts import without_a_score
 from harness.studies.framework import Found, Rows
-from harness.studies.frontier.frontier_context import Frontier, FrontierContext
+from harness.studies.frontier.frontier_context import Amount, Frontier, FrontierContext
 from harness.verdicts.statistics import paired_difference
 
 AXES = {"core_seconds": "core seconds of training", "seconds": "wall seconds of training", "evaluations": "evaluations"}
 """The axes of cost; evaluations are those of a network or features, and of Gaussians on rays."""
 ERROR = "root mean square error of display colour"
 EVERY = "all scenes"
+USUAL = Amount().resolution
 
 
 def error_of(psnr: float) -> float:
@@ -23,18 +24,12 @@ def error_of(psnr: float) -> float:
 
 def error_against_time(context: FrontierContext) -> Iterator[Found]:
     frontier = context.frontier()
-    families, last = frontier.trained, frontier.budgets[-1]
-    means = {family: frontier.table(last, (family,)).mean() for family in families}
-    best = max(families, key=lambda family: -np.inf if np.isnan(means[family]) else means[family])
-    yield (
-        f"At {last:g} core seconds {best} has the best mean over {len(frontier.amount.scenes)} scenes, "
-        f"{means[best]:.2f} dB; nerf has {means['nerf']:.2f} dB."
-        if "nerf" in means
-        else f"At {last:g} core seconds {best} has the best mean, {means[best]:.2f} dB."
-    )
+    families = frontier.trained
+    yield best_mean(frontier)
     for budget in frontier.budgets:
         yield from without_a_score(frontier.cells[budget], f"At {budget:g} core seconds ")
     yield over_scenes(frontier)
+    yield depth_over_scenes(frontier)
     yield Table(
         "by_scene", 0, "PSNR by scene and budget, dB, mean over seeds",
         ["scene", "core s", *families],
@@ -48,6 +43,42 @@ def error_against_time(context: FrontierContext) -> Iterator[Found]:
         scenes = (None, *frontier.amount.scenes) if axis == "core_seconds" else (None,)
         for scene in scenes:
             yield from lines(frontier, axis, scene)
+
+
+def larger(context: FrontierContext) -> Iterator[Found]:
+    frontier = context.frontier(large=True)
+    yield best_mean(frontier)
+    for budget in frontier.budgets:
+        yield from without_a_score(frontier.cells[budget], f"At {budget:g} core seconds ")
+    yield over_scenes(frontier)
+    yield depth_over_scenes(frontier)
+    yield from lines(frontier, "core_seconds", None)
+
+
+def best_mean(frontier: Frontier) -> str:
+    """Name the best family at the longest budget, with its errors of colour and depth and those of nerf."""
+    last, scenes = frontier.budgets[-1], len(frontier.amount.scenes)
+    means = {family: frontier.table(last, (family,)).mean() for family in frontier.trained}
+    best = max(means, key=lambda family: -np.inf if np.isnan(means[family]) else means[family])
+    both = dict.fromkeys((best, "nerf") if "nerf" in means else (best,))
+    scores = "; ".join(f"{family} {means[family]:.2f} dB{_depth_in_words(frontier, family)}" for family in both)
+    over = f"{scenes} scene{'s' * (scenes > 1)} of {frontier.amount.resolution} pixels"
+    return f"At {last:g} core seconds {best} has the best mean over {over}: {scores}."
+
+
+def _depth_in_words(frontier: Frontier, family: str) -> str:
+    error = float(frontier.values(frontier.budgets[-1], family, "depth_rmse").mean())
+    return "" if np.isnan(error) else f", depth to {error:.3f}"
+
+
+def depth_over_scenes(frontier: Frontier) -> Table:
+    """Return the error of depth of each family at each budget: its mean over scenes and seeds."""
+    rows: Rows = []
+    for family in frontier.trained:
+        errors = [float(frontier.values(budget, family, "depth_rmse").mean()) for budget in frontier.budgets]
+        rows.append([family, *(None if np.isnan(error) else f"{error:.3f}" for error in errors)])
+    columns = ["family", *(f"{budget:g} core s" for budget in frontier.budgets)]
+    return Table("depth_over_scenes", 0, "RMSE of depth on opaque pixels, mean over scenes, scene units", columns, rows)
 
 
 def over_scenes(frontier: Frontier) -> Table:
@@ -73,6 +104,8 @@ def lines(frontier: Frontier, axis: str, scene: str | None) -> Iterator[Series]:
     names = frontier.amount.scenes
     chosen = [names.index(scene)] if scene else list(range(len(names)))
     panel = f"Error against {AXES[axis]}, {scene or EVERY}"
+    if frontier.amount.resolution != USUAL:
+        panel += f", {frontier.amount.resolution} px"
     for family in frontier.trained:
         x, y, low, high = [], [], [], []
         for budget in frontier.budgets:

@@ -1,17 +1,19 @@
 """The context of the frontier: the families, the budgets, and the plan of each training."""
 
+import math
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 
+from baselines.catalog import CATALOG
 from harness.plan.profiles import PROFILES
 from harness.plan.run_plan import Plan
 from harness.plan.schedule import Budget
 from harness.plan.settings import TrainSettings
 from harness.records.cells import CellRecord
 from harness.studies.framework import Study
-from harness.studies.frontier.frontier_studies import AT_BUDGETS
+from harness.studies.frontier.frontier_studies import AT_BUDGETS, AT_LARGE_BUDGETS
 from harness.studies.trained_context import TrainedContext
 from harness.verdicts.failures import judgeable
 from scenes.catalog.entries import CLASSICS
@@ -21,9 +23,14 @@ PHI = ("planes_phi", "planes_same_ends", "planes_same_size")
 PHI_METHODS = (*PHI, *(name.replace("planes", "hash_grid") for name in PHI))
 PHI_BUDGET = 15.0
 CORE_SECONDS = "core_seconds_"
+LARGE = "large_"
+"""The beginning of the name of a training at a budget, and of one with larger pictures."""
 BUDGETS = (4.0, 15.0, 60.0)
-LONG_BUDGETS = (4.0, 8.0, 15.0, 30.0, 60.0, 120.0, 600.0)
+LONG_BUDGETS = (*BUDGETS, 240.0)
 """The core seconds of a cell's training: by default, about an hour on two cores, and with `--long`."""
+GAUSSIANS = {8.0: (2500, 5000), 60.0: (4000, 8000), 240.0: (4000, 16_000), math.inf: (8000, 40_000)}
+"""Budgets below which `splats` begins with, and grows to, so many Gaussians: more than it has time to train are worse.
+"""
 
 
 @dataclass(frozen=True)
@@ -34,6 +41,10 @@ class Amount:
     seeds: tuple[int, ...] = (0,)
     phi_seeds: tuple[int, ...] = (0, 1)
     resolution: int = 100
+    large_scenes: tuple[str, ...] = ("chair", "ficus", "lego")
+    large_families: tuple[str, ...] = ("nerf", "planes", "hash_grid", "splats")
+    large_budgets: tuple[float, ...] = (60.0,)
+    large_resolution: int = 400
 
     @property
     def phi_budget(self) -> float:
@@ -43,23 +54,36 @@ class Amount:
     def core_seconds(self) -> dict[str, float]:
         cells = len(self.scenes) * len(self.families) * len(self.seeds)
         phi = self.phi_budget * len(self.scenes) * len(PHI_METHODS) * len(self.phi_seeds)
-        return {AT_BUDGETS: cells * sum(self.budgets), "phi": phi}
+        large = len(self.large_scenes) * len(self.large_families) * len(self.seeds) * sum(self.large_budgets)
+        return {AT_BUDGETS: cells * sum(self.budgets), "phi": phi, AT_LARGE_BUDGETS: large}
+
+    def at_large(self) -> "Amount":
+        """Return the amount of the trainings with larger pictures, as if they were all."""
+        scenes, families, budgets = self.large_scenes, self.large_families, self.large_budgets
+        return replace(self, scenes=scenes, families=families, budgets=budgets, resolution=self.large_resolution)
 
 
 AMOUNTS = {
     "default": Amount(),
-    "quick": Amount(("ficus", "lego"), budgets=BUDGETS[:2], phi_seeds=(0,)),
-    "long": Amount(budgets=LONG_BUDGETS, seeds=(0, 1, 2), phi_seeds=(0, 1, 2)),
-}
+    "quick": Amount(
+        ("ficus", "lego"), budgets=BUDGETS[:2], phi_seeds=(0,),
+        large_scenes=("lego",), large_budgets=BUDGETS[:1], large_resolution=150,
+    ),
+    "long": Amount(
+        budgets=LONG_BUDGETS, seeds=(0, 1, 2), phi_seeds=(0, 1, 2), large_budgets=(60.0, 600.0)
+    ),
+}  # fmt: skip
 
 
 def settings_for(budget: float, train: TrainSettings) -> TrainSettings:
     """Return the settings of all families: a short budget uses its grid early, a long one trains as `converged`."""
     if budget <= 8.0:
-        return replace(train, warm_up_steps=20, grid=replace(train.grid, first_step=40, every=15))
-    if budget < 60.0:
-        return train
-    return replace(PROFILES["converged"].train, precision=train.precision)
+        train = replace(train, warm_up_steps=20, grid=replace(train.grid, first_step=40, every=15))
+    elif budget >= 60.0:
+        train = replace(PROFILES["converged"].train, precision=train.precision)
+    first, most = next(counts for below, counts in GAUSSIANS.items() if budget < below)
+    splats = replace(CATALOG["splats"].settings, first=first, most=most)
+    return replace(train, own={**train.own, "splats": splats})
 
 
 @dataclass(frozen=True)
@@ -72,9 +96,11 @@ class FrontierContext(TrainedContext):
 
     def trainings(self, *studies: Study) -> list[str]:
         """Return the names of the trainings, one per budget in place of `AT_BUDGETS`."""
-        budgets = [f"{CORE_SECONDS}{budget:g}" for budget in self.amount.budgets]
-        names = super().trainings(*studies)
-        return [each for name in names for each in (budgets if name == AT_BUDGETS else [name])]
+        stands_for = {
+            AT_BUDGETS: [f"{CORE_SECONDS}{budget:g}" for budget in self.amount.budgets],
+            AT_LARGE_BUDGETS: [f"{LARGE}{budget:g}" for budget in self.amount.large_budgets],
+        }
+        return [each for name in super().trainings(*studies) for each in stands_for.get(name, [name])]
 
     def seconds(self, study: Study, asked: list[Study]) -> float:
         """Return wall seconds, with a sixth added for scoring; a shared training counts for its first study only."""
@@ -83,9 +109,10 @@ class FrontierContext(TrainedContext):
         return study.seconds + work * 7 / 6 / (self.machine.workers * self.machine.threads)
 
     def plan(self, name: str) -> Plan:
-        profile, amount, is_phi = PROFILES["reduced"], self.amount, name == "phi"
+        profile, is_phi = PROFILES["reduced"], name == "phi"
+        amount = self.amount.at_large() if name.startswith(LARGE) else self.amount
         train = profile.train if self.as_planned else replace(profile.train, precision="float32")
-        budget = amount.phi_budget if is_phi else float(name.removeprefix(CORE_SECONDS))
+        budget = amount.phi_budget if is_phi else float(name.rpartition("_")[2])
         return replace(
             profile.without_extras(),
             scenes=amount.scenes,
@@ -97,10 +124,10 @@ class FrontierContext(TrainedContext):
             views=replace(profile.views, resolution=amount.resolution),
         )
 
-    def frontier(self) -> "Frontier":
-        """Return the cells of all budgets, after training those that are missing."""
-        cells = {budget: self.trained(f"{CORE_SECONDS}{budget:g}").cells for budget in self.amount.budgets}
-        return Frontier(self.amount, cells)
+    def frontier(self, *, large: bool = False) -> "Frontier":
+        """Return the cells of all budgets, of usual or larger pictures, after training those that are missing."""
+        amount, prefix = (self.amount.at_large(), LARGE) if large else (self.amount, CORE_SECONDS)
+        return Frontier(amount, {budget: self.trained(f"{prefix}{budget:g}").cells for budget in amount.budgets})
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,7 @@ class EllipsoidTrainer(GaussianTrainer):
         if not math.isfinite(loss := float(error.square().mean())):
             raise Diverged(self.step, "loss")
         gradients = traced.gradient(*where, colour, 2.0 * error / error.numel())
-        torch.autograd.backward([*numbers, self._lightness(values)], [*gradients, torch.ones(())])
+        torch.autograd.backward(numbers, gradients)
         assert values.grad is not None
         return loss, values.grad, met
 

@@ -4,16 +4,19 @@ import math
 from abc import abstractmethod
 from typing import Any
 
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from baselines.contract import Rays, Rendering
 from baselines.methods.explicit import GaussianSettings
-from baselines.splats.gaussians import Gaussians, Pencil, parts_of
-from baselines.splats.population import first_values, relocated, wandering
+from baselines.splats import adam
+from baselines.splats.gaussians import Gaussians, Pencil, on_plane
+from baselines.splats.population import first_values, relocated
 from baselines.splats.rasteriser import COLUMNS
 from harness.plan.seeds import generator_for
+from harness.training.kinds.ssim_loss import row_length, ssim_loss
 from harness.training.learner import Job
 from harness.training.trainer import BudgetedTrainer, Diverged
 
@@ -47,7 +50,11 @@ class GaussianTrainer(BudgetedTrainer):
 
     def warm_up(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None:
         """Compile the kernels, off the clock."""
-        self._slope(rays, colours)
+        _, gradient, _ = self._slope(rays, colours)
+        state = self.mean, self.square, self.seen, self.field.values
+        self.mean, self.square, self.seen = (part.clone() for part in state[:3])
+        self._adam(gradient, 0.0)
+        self.mean, self.square, self.seen, self.field.values = state
 
     def train_on(self, rays: Rays, colours: Float[Tensor, "rays 3"]) -> None:
         """Take one step, on the clock. Raises `Diverged`; the Gaussians are then those before the step."""
@@ -57,39 +64,29 @@ class GaussianTrainer(BudgetedTrainer):
             if not math.isfinite(norm):
                 raise Diverged(self.step, "gradient of the Gaussians")
             rate, before = self.own.last_rate ** min(self.progress, 1.0), self.field.values
-            self._adam(gradient, rate)
-            generator = generator_for(self.seed, self.step, "population")
-            if self.progress < self.own.moved_until:
-                self._move(rate, generator)
-            if not bool(torch.isfinite(self.field.values).all()):
+            if not self._adam(gradient, rate):
                 self.field.values = before
                 raise Diverged(self.step, "weights of the Gaussians")
+            if (self.step + 1) % self.own.moved_every == 0 and self.progress < self.own.moved_until:
+                self._move(generator_for(self.seed, self.step, "population"))
         self._count(loss, (norm, norm), drawn, len(rays))
 
     @abstractmethod
     def _slope(self, rays: Rays, colours: Tensor) -> tuple[float, Tensor, int]:
         """Return the loss, its gradient, and how often a ray met a Gaussian. Raises `Diverged`."""
 
-    def _lightness(self, values: Tensor) -> Tensor:
-        _, log_scale, _, logit, *_ = parts_of(values)
-        opacity, scale = torch.sigmoid(logit).mean(), log_scale.exp().mean()
-        return self.own.lighter_opacity * opacity + self.own.lighter_scale * scale
+    def _adam(self, gradient: Tensor, rate: float) -> bool:
+        """Take a step of Adam; return whether the Gaussians are finite."""
+        before, after = self.field.values, torch.empty_like(self.field.values)
+        moments = adam.Moments(self.mean.numpy(), self.square.numpy(), self.seen.numpy())
+        rates, betas = (rate * self.rates).numpy(), np.array(self.own.betas, dtype=np.float32)
+        epsilon = np.float32(self.own.epsilon)
+        finite = adam.step(before.numpy(), gradient.numpy(), moments, rates, betas, epsilon, after.numpy())
+        self.field.values = after
+        return bool(finite)
 
-    def _adam(self, gradient: Tensor, rate: float) -> None:
-        """Take a step of Adam that counts the steps of each Gaussian separately."""
-        first, second = self.own.betas
-        self.seen += 1.0
-        self.mean.lerp_(gradient, 1.0 - first)
-        self.square.lerp_(gradient.square(), 1.0 - second)
-        mean = self.mean / (1.0 - first**self.seen)
-        square = self.square / (1.0 - second**self.seen)
-        self.field.values = self.field.values - rate * self.rates * mean / (square.sqrt() + self.own.epsilon)
-
-    def _move(self, rate: float, generator: torch.Generator) -> None:
+    def _move(self, generator: torch.Generator) -> None:
         values, own = self.field.values, self.own
-        values[:, :3] += wandering(values, own.wander * rate * own.faster * own.position, own.dead, generator)
-        if (self.step + 1) % own.moved_every:
-            return
         more = max(min(own.most - len(values), int(own.growth * len(values))), 0)
         values, changed = relocated(values, more, own.dead, generator)
         for name in ("mean", "square", "seen"):
@@ -153,10 +150,14 @@ class SplatTrainer(DrawingTrainer, GaussianTrainer):
 
     def _slope(self, rays: Rays, colours: Tensor) -> tuple[float, Tensor, int]:
         values = self.field.values.detach().requires_grad_()
-        out, through, drawn = self.field.draw(self._pencil(rays), values)
-        error = torch.mean((out[:, :3] + through[:, None] - colours) ** 2)
-        (error + self._lightness(values)).backward()
+        pencil = self._pencil(rays)
+        out, through, drawn = self.field.draw(pencil, values)
+        picture = out[:, :3] + through[:, None]
+        error = torch.mean((picture - colours) ** 2)
+        if self.own.ssim_weight:
+            rows = (-1, row_length(on_plane(rays.directions, pencil.axes)), 3)
+            error = error + self.own.ssim_weight * ssim_loss(picture.view(rows), colours.view(rows))
+        (gradient,) = torch.autograd.grad(error, values)
         if not math.isfinite(loss := error.item()):
             raise Diverged(self.step, "loss")
-        assert values.grad is not None
-        return loss, values.grad, drawn
+        return loss, gradient, drawn

@@ -6,8 +6,8 @@ import pytest
 import torch
 
 from baselines.contract import Box, Rays
-from baselines.splats.gaussians import Gaussians, Pencil, rotations
-from baselines.splats.population import first_values, relocated, split_among, wandering
+from baselines.splats.gaussians import Gaussians, Pencil
+from baselines.splats.population import first_values, relocated, split_among
 from harness.plan.seeds import generator_for
 
 DEAD = 0.005
@@ -82,17 +82,6 @@ def test_all_faint_or_none_leaves_them_as_they_are() -> None:
     kept, changed = relocated(some, 0, DEAD, generator_for(0, "move"))
     assert torch.equal(kept, some)
     assert len(changed) == 0
-
-
-def test_only_what_is_hardly_seen_wanders_and_along_its_own_extent() -> None:
-    some = values(2).repeat(200, 1)
-    some[:, 3:6] = torch.tensor([0.5, 0.1, 1e-4]).log()
-    some[:200, 10], some[200:, 10] = 2.0, -20.0
-    steps = wandering(some, 1.0, DEAD, generator_for(0, "wander"))
-    assert float(steps[:200].abs().max()) < 1e-9
-    spread = (rotations(some[:, 6:10]).mT @ steps[:, :, None])[200:, :, 0].std(dim=0)
-    share = 1.0 / (1.0 + math.exp(-100.0 * DEAD))
-    assert spread.tolist() == pytest.approx([0.25 * share, 0.01 * share, 1e-8 * share], rel=0.2)
 
 
 @pytest.mark.slow

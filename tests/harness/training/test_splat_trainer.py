@@ -17,6 +17,7 @@ from harness.studies.conformance.learner_checks import CPU, SETTINGS, STREAM, dr
 from harness.training.batches import Batch
 from harness.training.checkpoints import restore_training, tensors_of, training_state
 from harness.training.kinds.splat_trainer import SplatTrainer
+from harness.training.kinds.ssim_loss import ssim_loss
 from harness.training.learner import Job, at_step, train
 from harness.training.lockstep import box_of
 from harness.training.make_learner import NotAvailable, learner_for
@@ -69,6 +70,20 @@ def test_moments_of_what_moved_begin_again_and_there_are_never_more_than_may_be(
     assert learner.seen[first:].tolist() == [[0.0]] * 3
     assert float(learner.square[first:].abs().max()) == 0.0
     assert float(learner.seen.max()) == MOVED_EVERY
+
+
+def test_ssim_in_the_loss_raises_it() -> None:
+    """The picture of one view after a few steps is nearer to it in SSIM than without, and the rows are found."""
+    ended = {}
+    rays, colours, *_ = batch_at()(0)
+    for weight in (0.0, 0.3):
+        learner = train(trainer(own=replace(OWN, ssim_weight=weight)), lambda _: batch_at()(0), at_step(30))
+        ended[weight] = learner.field.render(rays).colour
+    width = drawn()[0].width
+    before, after = (
+        float(ssim_loss(picture.view(-1, width, 3), colours.view(-1, width, 3))) for picture in ended.values()
+    )
+    assert after < 0.9 * before
 
 
 @pytest.mark.parametrize("where", ["gradient", "loss", "step"])

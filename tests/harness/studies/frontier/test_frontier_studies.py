@@ -13,13 +13,15 @@ from harness.records.cells import CellRecord
 from harness.records.study import Effect, Series, StudyRecord
 from harness.studies.framework import Found
 from harness.studies.frontier.costs import time_to_score
-from harness.studies.frontier.error_against_time import error_against_time
+from harness.studies.frontier.error_against_time import error_against_time, larger
 from harness.studies.frontier.front import front
 from harness.studies.frontier.frontier_context import PHI_METHODS, Amount, FrontierContext
-from harness.studies.frontier.frontier_studies import STUDIES
+from harness.studies.frontier.frontier_studies import AT_BUDGETS, AT_LARGE_BUDGETS, STUDIES
 from harness.studies.frontier.needs import needs, pick
+from harness.studies.frontier.peers import Point, peers, read_points
 from harness.studies.frontier.phi import phi
 from harness.studies.trained_context import StudyRun
+from scenes.catalog.entries import CLASSICS
 from scenes.files.errors import InputError
 from tests.harness.cells import cell, checkpoint, diverged
 from tests.harness.studies.evidence.planted import table
@@ -47,7 +49,7 @@ def planted(cells: dict[str, list[CellRecord]], methods: tuple[str, ...] = ("ner
 
 def scored(scene: str, method: str, psnr: float, seconds: float, seed: int = 0) -> CellRecord:
     curve = [checkpoint(100, seconds, psnr)]
-    scores = {"psnr": psnr, "psnr_floor": 12.0, "psnr_ceiling": 45.0}
+    scores = {"psnr": psnr, "psnr_floor": 12.0, "psnr_ceiling": 45.0, "depth_rmse": 0.01 * seconds}
     return cell(scene, method, seed, curve, scores=scores, train_core_seconds=seconds)
 
 
@@ -84,15 +86,21 @@ def test_every_budget_is_a_separate_training_in_core_seconds_with_equal_settings
     assert [plan.budget.core_seconds for plan in plans] == [4.0, 16.0, 15.0]
     assert plans[2].methods == PHI_METHODS
     assert plans[0].train.grid.first_step < plans[1].train.grid.first_step
-    assert {training for study in STUDIES.values() for training in study.trainings} == {"budgets", "phi"}
+    assert {name for study in STUDIES.values() for name in study.trainings} == {AT_BUDGETS, AT_LARGE_BUDGETS, "phi"}
+    splats = [plan.train.own["splats"].first for plan in plans[:2]]
+    assert splats[0] < splats[1], "more time, more Gaussians"
+    (large,) = here.trainings(STUDIES["larger"])
+    assert here.plan(large).views.resolution == 400
+    assert here.plan(large).scenes == here.amount.large_scenes
 
 
 def test_the_best_mean_is_named_and_curves_are_errors_with_intervals_over_scenes() -> None:
     findings = list(error_against_time(two_families()))
     mean = 26.0 + 7.0 / 3.0
     assert findings[0] == (
-        f"At 16 core seconds nerf has the best mean over 3 scenes, {mean:.2f} dB; nerf has {mean:.2f} dB."
+        f"At 16 core seconds nerf has the best mean over 3 scenes of 100 pixels: nerf {mean:.2f} dB, depth to 0.160."
     )
+    assert table(findings, "depth_over_scenes").rows == [["nerf", "0.040", "0.160"], ["planes", "0.040", "0.160"]]
     over_all = line(findings)
     assert over_all.x == [4.0, 16.0]
     assert over_all.y == pytest.approx([10 ** (-(20.0 + 7.0 / 3.0) / 20), 10 ** (-mean / 20)])
@@ -165,6 +173,35 @@ def test_a_gain_of_phi_is_judged_against_each_control_by_scenes_and_seeds() -> N
         assert (effect.budget, effect.pairs) == ("core_seconds", 6)
         assert effect.verdict.sign == ("above 0" if gains[effect.name] > 0 else "below 0")
     assert "+0.51 dB" in str(findings[0])
+
+
+def test_larger_pictures_have_a_table_and_lines_of_their_own() -> None:
+    here = two_families()
+    of_mic = [cell for cell in here.cells["core_seconds_16"] if cell.scene == "mic"]
+    amount = replace(here.amount, large_scenes=("mic",), large_families=("nerf", "planes"), large_budgets=(16.0,))
+    findings = list(larger(replace(here, amount=amount, cells={"large_16": of_mic})))
+    assert "1 scene of 400 pixels: nerf 28.00 dB" in str(findings[0])
+    assert [series.panel for series in findings if isinstance(series, Series)][:2] == [
+        "Error against core seconds of training, all scenes, 400 px"
+    ] * 2
+
+
+def test_others_are_compared_with_the_best_of_ours_in_no_more_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    points = [Point("Theirs", "as it is", "lego", 100, *point) for point in ((3.0, 1.0), (9.0, 29.5), (20.0, 30.5))]
+    others = Point("Theirs", "elsewhere", "lego", 400, 9.0, 1.0)
+    monkeypatch.setattr("harness.studies.frontier.peers.read_points", lambda: [*points, others])
+    findings = list(peers(two_families()))
+    assert findings[0] == ("Theirs: at 1 of 3 points a family of ours scores higher in no more core seconds.")
+    # lego: planes 29 dB at 4 s, nerf 31 dB at 16 s
+    assert [row[4] for row in table(findings, "peers").rows] == [
+        "", "planes, 29.0 dB in 4 core s", "nerf, 31.0 dB in 16 core s"
+    ]  # fmt: skip
+
+
+def test_the_points_of_others_can_be_read_and_name_their_protocol() -> None:
+    points = read_points()
+    assert points
+    assert all(point.protocol and point.scene in CLASSICS and 5.0 < point.psnr < 60.0 for point in points)
 
 
 def test_a_score_that_is_never_reached_takes_more_than_the_longest_budget() -> None:
