@@ -45,6 +45,7 @@ def run_sweep(options: argparse.Namespace, show: Progress) -> int:
     from harness.studies.choices.sweep import SweepRow, as_json, sweep
 
     plan, device = planned_by(options)
+    plan = plan.with_validation_views()
     workers = _workers(device)
 
     def line(row: SweepRow) -> str:
@@ -93,6 +94,7 @@ def run_constants(options: argparse.Namespace, show: Progress) -> int:
 
     options.methods = options.methods or list(READINGS)
     plan, device = planned_by(options)
+    plan = plan.with_validation_views()
     if unknown := [method for method in plan.methods if method not in READINGS]:
         raise InputError(f"--methods: {unknown[0]} has no constants to search; known: {' '.join(READINGS)}")
     if plan.budget.steps is None:

@@ -20,6 +20,8 @@ from harness.records.claims import ClaimFile
 
 APART = ("scenes", "methods", "seeds", "render_limit", "lpips", "claims", "roles")
 """The fields of `Plan` that `Plan.settings` writes elsewhere or not at all."""
+VALIDATION_VIEWS = 5
+"""The minimum of validation views of a search."""
 
 
 @dataclass(frozen=True)
@@ -130,6 +132,10 @@ class Plan:
     def without_extras(self) -> "Plan":
         """Return the plan without further methods."""
         return replace(self, extras=())
+
+    def with_validation_views(self) -> "Plan":
+        """Return the plan of a search: settings are chosen on validation views, which a run does not need."""
+        return replace(self, views=replace(self.views, val=max(self.views.val, VALIDATION_VIEWS)))
 
     def _handed_on(self, methods: Collection[str]) -> dict[str, Any]:
         """Return the own settings for a worker, without those of packages, whose classes it may lack."""

@@ -19,7 +19,7 @@ from harness.plan.run_plan import Plan
 from harness.plan.schedule import Budget
 from harness.studies.choices.arms import PLANNED, Arm
 from harness.studies.choices.sweep import SEED, try_arms
-from harness.studies.frontier.frontier_context import settings_for
+from harness.studies.frontier.frontier_context import VIEWS, settings_for
 
 SEARCHED = ("chair", "ship")
 BUDGET = 15.0
@@ -105,7 +105,7 @@ class FamilyRow:
 
 def search_plan(as_planned: bool, quick: bool = False) -> Plan:
     """Return the frontier's plan on the scenes of the search; with `quick` it trains almost nothing."""
-    plan = PROFILES["reduced"].without_extras()
+    plan = replace(PROFILES["reduced"].without_extras(), views=VIEWS).with_validation_views()
     train = settings_for(BUDGET, plan.train if as_planned else replace(plan.train, precision="float32"))
     plan = replace(
         plan, scenes=SEARCHED, methods=tuple(TRIALS), seeds=(SEED,), budget=Budget(None, None, BUDGET), train=train

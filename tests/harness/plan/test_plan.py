@@ -190,7 +190,7 @@ def changed(name: str, value: Any) -> Any:
         case bool():
             return not value
         case int() | float():
-            return 2 * value
+            return 2 * value or 1
         case tuple():
             return tuple(2 * part for part in value)
         case None:
