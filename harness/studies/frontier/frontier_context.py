@@ -30,7 +30,7 @@ LONG_BUDGETS = (*BUDGETS, 240.0)
 """The core seconds of a cell's training: by default, about an hour on two cores, and with `--long`."""
 VIEWS = replace(PROFILES["reduced"].views, spp_train=256, ceiling_train_db=42.0)
 """The views: with those of a short run, of which the noise allows 36 dB, the longest trainings fit the noise."""
-GAUSSIANS = {8.0: (2500, 5000), 60.0: (4000, 8000), 240.0: (4000, 16_000), math.inf: (8000, 40_000)}
+GAUSSIANS = {8.0: (2500, 5000), 60.0: (4000, 8000), 600.0: (4000, 16_000), math.inf: (8000, 40_000)}
 """Budgets below which `splats` begins with, and grows to, so many Gaussians: more than it has time to train are worse.
 """
 
