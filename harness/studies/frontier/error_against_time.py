@@ -8,6 +8,7 @@ from harness.records.study import Series, Table
 from harness.studies.evidence.contrasts import without_a_score
 from harness.studies.framework import Found, Rows
 from harness.studies.frontier.frontier_context import Amount, Frontier, FrontierContext
+from harness.studies.frontier.peers import points_of
 from harness.verdicts.statistics import paired_difference
 
 AXES = {"core_seconds": "core seconds of training", "seconds": "wall seconds of training", "evaluations": "evaluations"}
@@ -127,6 +128,10 @@ def lines(frontier: Frontier, axis: str, scene: str | None) -> Iterator[Series]:
             level = error_of(float(np.median(known)))
             ends = [frontier.budgets[0], frontier.budgets[-1]]
             yield Series(panel, 0, title, AXES[axis], ERROR, ends, [level, level])
+    others = [point for point in points_of(frontier.amount) if point.scene == scene and axis == "core_seconds"]
+    for name in dict.fromkeys(point.name for point in others):
+        x, y = zip(*((each.core_seconds, error_of(each.psnr)) for each in others if each.name == name), strict=True)
+        yield Series(panel, 0, name, AXES[axis], ERROR, list(x), list(y))
 
 
 def place_of(frontier: Frontier, budget: float, family: str, axis: str) -> float:

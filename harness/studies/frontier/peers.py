@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from harness.records.study import Table
+from harness.studies.evidence.contrasts import listed
 from harness.studies.framework import Found, Rows
-from harness.studies.frontier.frontier_context import Frontier, FrontierContext
+from harness.studies.frontier.frontier_context import Amount, Frontier, FrontierContext
 
 FILE = Path(__file__).with_name("peers.csv")
 """The measured points; another program is another row."""
@@ -17,7 +18,8 @@ FILE = Path(__file__).with_name("peers.csv")
 
 @dataclass(frozen=True)
 class Point:
-    program: str
+    name: str
+    """The program, and how it was used."""
     protocol: str
     scene: str
     resolution: int
@@ -29,48 +31,41 @@ def read_points(file: Path = FILE) -> list[Point]:
     with file.open(encoding="utf-8", newline="") as rows:
         return [
             Point(
-                row["program"],
-                row["protocol"],
-                row["scene"],
-                int(row["resolution"]),
-                float(row["core_seconds"]),
-                float(row["psnr"]),
+                f"{row['program']}, {row['variant']}", row["protocol"], row["scene"], int(row["resolution"]),
+                float(row["core_seconds"]), float(row["psnr"]),
             )
             for row in csv.DictReader(rows)
-        ]
+        ]  # fmt: skip
+
+
+def points_of(amount: Amount) -> list[Point]:
+    """Return the points on scenes of these trainings, of pictures of their size."""
+    return [each for each in read_points() if each.resolution == amount.resolution and each.scene in amount.scenes]
 
 
 def peers(context: FrontierContext) -> Iterator[Found]:
     frontier = context.frontier()
-    amount = frontier.amount
-    points = [p for p in read_points() if p.resolution == amount.resolution and p.scene in amount.scenes]
-    rows: Rows = []
-    for point in points:
-        budget, family, psnr = best_within(frontier, point)
-        rows.append(
-            [
-                point.program,
-                point.scene,
-                f"{point.core_seconds:g}",
-                f"{point.psnr:.1f}",
-                "" if family is None else f"{family}, {psnr:.1f} dB in {budget:g} core s",
-                point.protocol,
-            ]
-        )
-    if not rows:
-        yield "No program of others was measured on these scenes at this size."
+    points = points_of(frontier.amount)
+    if not points:
+        yield "No other program was measured on these scenes at this size."
         return
-    programs = ", ".join(dict.fromkeys(point.program for point in points))
-    ahead = sum(psnr > point.psnr for point in points for _, family, psnr in [best_within(frontier, point)] if family)
-    yield f"{programs}: at {ahead} of {len(points)} points a family of ours scores higher in no more core seconds."
+    rows: Rows = []
+    behind = 0
+    for point in points:
+        ours = best_within(frontier, point)
+        behind += ours is not None and ours[0] > point.psnr
+        words = "" if ours is None else "{:.1f} dB in {:g} core s, {}".format(*ours)
+        rows.append(
+            [point.name, point.scene, f"{point.core_seconds:g}", f"{point.psnr:.1f}", words, point.protocol]
+        )  # fmt: skip
+    programs = listed(list(dict.fromkeys(point.name.split(",")[0] for point in points)))
+    yield f"{programs}: at {behind} of {len(points)} points a family of ours scores higher in no more core seconds."
     columns = ["program", "scene", "core s", "PSNR, dB", "the best of ours in no more time", "protocol"]
-    yield Table("peers", 0, "Programs of others on a processor", columns, rows)
+    yield Table("peers", 0, "Other programs on a processor", columns, rows)
 
 
-def best_within(frontier: Frontier, point: Point) -> tuple[float, str | None, float]:
-    """Return the budget, the family and the score of the best of ours within the seconds of a point; None for the
-    family if no budget is as short.
-    """
+def best_within(frontier: Frontier, point: Point) -> tuple[float, float, str] | None:
+    """Return score, budget and family of the best of ours within the seconds of a point; None without such a budget."""
     place = frontier.amount.scenes.index(point.scene)
     found = [
         (float(score), budget, family)
@@ -78,7 +73,4 @@ def best_within(frontier: Frontier, point: Point) -> tuple[float, str | None, fl
         for family in frontier.trained
         if budget <= point.core_seconds and not np.isnan(score := frontier.table(budget, (family,))[0][place])
     ]
-    if not found:
-        return 0.0, None, -np.inf
-    score, budget, family = max(found)
-    return budget, family, score
+    return max(found, default=None)

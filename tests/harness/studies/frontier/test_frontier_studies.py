@@ -187,15 +187,16 @@ def test_larger_pictures_have_a_table_and_lines_of_their_own() -> None:
 
 
 def test_others_are_compared_with_the_best_of_ours_in_no_more_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    points = [Point("Theirs", "as it is", "lego", 100, *point) for point in ((3.0, 1.0), (9.0, 29.5), (20.0, 30.5))]
-    others = Point("Theirs", "elsewhere", "lego", 400, 9.0, 1.0)
+    points = [Point("Theirs, fast", "as it is", "lego", 100, *at) for at in ((3.0, 1.0), (9.0, 29.5), (20.0, 30.5))]
+    others = Point("Theirs, large", "elsewhere", "lego", 400, 9.0, 1.0)
     monkeypatch.setattr("harness.studies.frontier.peers.read_points", lambda: [*points, others])
     findings = list(peers(two_families()))
-    assert findings[0] == ("Theirs: at 1 of 3 points a family of ours scores higher in no more core seconds.")
+    assert findings[0] == "Theirs: at 1 of 3 points a family of ours scores higher in no more core seconds."
     # lego: planes 29 dB at 4 s, nerf 31 dB at 16 s
-    assert [row[4] for row in table(findings, "peers").rows] == [
-        "", "planes, 29.0 dB in 4 core s", "nerf, 31.0 dB in 16 core s"
-    ]  # fmt: skip
+    words = [row[4] for row in table(findings, "peers").rows]
+    assert words == ["", "29.0 dB in 4 core s, planes", "31.0 dB in 16 core s, nerf"]
+    theirs = line(error_against_time(two_families()), "Theirs, fast", "lego")
+    assert (theirs.x, theirs.y) == ([3.0, 9.0, 20.0], pytest.approx([10 ** (-psnr / 20) for psnr in (1.0, 29.5, 30.5)]))
 
 
 def test_the_points_of_others_can_be_read_and_name_their_protocol() -> None:
