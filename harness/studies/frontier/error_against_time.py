@@ -130,8 +130,9 @@ def lines(frontier: Frontier, axis: str, scene: str | None) -> Iterator[Series]:
             yield Series(panel, 0, title, AXES[axis], ERROR, ends, [level, level])
     others = [point for point in points_of(frontier.amount) if point.scene == scene and axis == "core_seconds"]
     for name in dict.fromkeys(point.name for point in others):
-        x, y = zip(*((each.core_seconds, error_of(each.psnr)) for each in others if each.name == name), strict=True)
-        yield Series(panel, 0, name, AXES[axis], ERROR, list(x), list(y))
+        theirs = [point for point in others if point.name == name]
+        seconds, errors = [each.core_seconds for each in theirs], [error_of(each.psnr) for each in theirs]
+        yield Series(panel, 0, name, AXES[axis], ERROR, seconds, errors)
 
 
 def place_of(frontier: Frontier, budget: float, family: str, axis: str) -> float:
