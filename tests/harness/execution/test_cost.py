@@ -51,7 +51,8 @@ def estimated(plan: Plan = PLAN, missing: int = 0, **changes: Any) -> CostEstima
     return estimate_from(plan, MACHINE, replace(PACES, **changes), groups, missing, verify=False)
 
 
-RENDERED = SUMMARY["phases"]["render"]
+RENDERED = 245.0
+"""The seconds in which two cores rendered five validation and 15 test views of the eight scenes, before any training."""
 
 
 def test_a_run_as_recorded_is_estimated_as_recorded() -> None:
