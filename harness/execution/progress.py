@@ -143,7 +143,7 @@ class Lines(Progress):
         left = self._rendering.after(1.0 if event.path is not None else event.share, event.scene)
         if event.path is not None:
             self._scenes_done += 1
-            self._show("rendering", f"rendered {event.scene}", self._scenes_done / scenes)
+            self._show("rendering", f"{event.scene}: views ready", self._scenes_done / scenes)
             return
         kept = f" ({event.kept} from before)" if event.kept else ""
         done = f"{event.done} of {event.total} views done{kept}, " if event.total else ""

@@ -69,7 +69,7 @@ def best_mean(frontier: Frontier) -> str:
 
 def _depth_in_words(frontier: Frontier, family: str) -> str:
     error = float(frontier.values(frontier.budgets[-1], family, "depth_rmse").mean())
-    return "" if np.isnan(error) else f", depth to {error:.3f}"
+    return "" if np.isnan(error) else f" (depth error {error:.3f})"
 
 
 def depth_over_scenes(frontier: Frontier) -> Table:
