@@ -46,7 +46,7 @@ FRONTIER: Options = {
     "--seeds": option("number of seeds, 0 … N−1", "N", int),
     "--resolution": option("width of the views"),
     "--quick": option("two scenes, two budgets: about eight minutes"),
-    "--long": flag("seven budgets up to 600 core seconds, three seeds"),
+    "--long": flag("budgets up to 240 core seconds, larger pictures up to 600, three seeds: a day"),
     "--pick": option("only print the family to choose for a scene, from --out", "SCENE"),
     "--seconds": option("core seconds for --pick (60)", "S", float, default=60.0),
 }
@@ -150,11 +150,12 @@ def run_frontier(options: argparse.Namespace, show: Progress) -> int:
 
     given: dict[str, Any] = {"resolution": options.resolution}
     if options.scenes:
-        given["scenes"] = known_names("--scenes", options.scenes, list(SCENES))
+        given["scenes"] = given["large_scenes"] = known_names("--scenes", options.scenes, list(SCENES))
     if options.methods:
-        given["families"] = known_names("--methods", options.methods, list(CATALOG))
+        given["families"] = given["large_families"] = known_names("--methods", options.methods, list(CATALOG))
     if options.budgets:
         given["budgets"] = tuple(sorted(set(options.budgets)))
+        given["large_budgets"] = given["budgets"][-1:]
     if options.seeds:
         given["seeds"] = given["phi_seeds"] = tuple(range(options.seeds))
     amount = AMOUNTS["quick" if options.quick else "long" if options.long else "default"]

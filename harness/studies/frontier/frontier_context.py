@@ -27,9 +27,11 @@ LARGE = "large_"
 """The beginning of the name of a training at a budget, and of one with larger pictures."""
 BUDGETS = (4.0, 15.0, 60.0)
 LONG_BUDGETS = (*BUDGETS, 240.0)
-"""The core seconds of a cell's training: by default, about an hour on two cores, and with `--long`."""
+"""The core seconds of a cell's training: by default, somewhat over an hour on two cores, and with `--long`."""
 VIEWS = replace(PROFILES["reduced"].views, spp_train=256, ceiling_train_db=42.0)
-"""The views: with those of a short run, of which the noise allows 36 dB, the longest trainings fit the noise."""
+"""The usual views. With those of a short run, whose noise allows 36 dB, trainings of a minute fit the noise; trainings
+on larger pictures are far from it, and use them.
+"""
 GAUSSIANS = {8.0: (2500, 5000), 60.0: (4000, 8000), 600.0: (4000, 16_000), math.inf: (8000, 40_000)}
 """Budgets below which `splats` begins with, and grows to, so many Gaussians: more than it has time to train are worse.
 """
@@ -111,8 +113,8 @@ class FrontierContext(TrainedContext):
         return study.seconds + work * 7 / 6 / (self.machine.workers * self.machine.threads)
 
     def plan(self, name: str) -> Plan:
-        profile, is_phi = PROFILES["reduced"], name == "phi"
-        amount = self.amount.at_large() if name.startswith(LARGE) else self.amount
+        profile, is_phi, is_large = PROFILES["reduced"], name == "phi", name.startswith(LARGE)
+        amount = self.amount.at_large() if is_large else self.amount
         train = profile.train if self.as_planned else replace(profile.train, precision="float32")
         budget = amount.phi_budget if is_phi else float(name.rpartition("_")[2])
         return replace(
@@ -123,7 +125,7 @@ class FrontierContext(TrainedContext):
             budget=Budget(None, None, budget),
             train=settings_for(budget, train),
             score=replace(profile.score, checkpoints=1, stored_views=1),
-            views=replace(VIEWS, resolution=amount.resolution),
+            views=replace(profile.views if is_large else VIEWS, resolution=amount.resolution),
         )
 
     def frontier(self, *, large: bool = False) -> "Frontier":

@@ -52,7 +52,7 @@ def estimated(plan: Plan = PLAN, missing: int = 0, **changes: Any) -> CostEstima
 
 
 RENDERED = 245.0
-"""The seconds in which two cores rendered five validation and 15 test views of the eight scenes, before any training."""
+"""The seconds in which two cores rendered the eight scenes, with five validation and 15 test views, before training."""
 
 
 def test_a_run_as_recorded_is_estimated_as_recorded() -> None:
