@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 from harness.records.study import SHELVES, Check, read_studies
 from reports.__main__ import BAD_INPUT, OWN_ERROR, SOME_FAILED, STOPPED, main, parser
-from reports.run.saving.publish import summary
+from reports.run.saving.publish import summary, without_folders
 from reports.studies import publishing
 from tests.reports.fake_history import fake_history
 from tests.reports.fake_run import write_fake_run
@@ -74,6 +74,13 @@ def test_publish_writes_small_plots_and_the_numbers(tmp_path, pictured, capsys):
     assert set(sizes) == {"psnr.png", "error_vs_time.png", "work_precision.png", "views.png", "summary.json", "run.zip"}
     assert all(1000 < size < 1_000_000 for size in sizes.values())
     assert (tmp_path / "docs" / "psnr.png").read_bytes().startswith(b"\x89PNG")
+    assert str(tmp_path) not in (tmp_path / "docs" / "summary.json").read_text(encoding="utf-8")
+
+
+def test_a_published_command_names_no_folder_of_the_machine():
+    typed = "python -m harness run --view-set '/home/a b/x' rel/y --out=/work/z --claim 'a - b >= 1.5 dB' --resume"
+    kept = "python -m harness run --view-set x rel/y --out=z --claim 'a - b >= 1.5 dB' --resume"
+    assert without_folders(typed) == kept
 
 
 @pytest.mark.slow

@@ -64,7 +64,7 @@ def costs(context: FrontierContext) -> Iterator[Found]:
         ended = [cell for budget in frontier.budgets for cell in frontier.cells[budget] if cell.method == family]
         lost = len(ended) - sum(len(frontier.of(budget, family)) for budget in frontier.budgets)
         low, high = exact_interval(lost, len(ended))
-        geometry = [_mean(frontier, last, family, name) for name in ("depth_rmse", "opacity_iou")]
+        geometry = [frontier.mean(last, family, name) for name in ("depth_rmse", "opacity_iou")]
         sizes = [f"{numbers:,.0f}", f"{size / 1e6:.2f}", *(f"{1e3 * seconds:.0f}" for seconds in drawn[family])]
         memory = f"{peak(context, context.plan(name), views.path, family) / 1e9:.2f}"
         failed = f"{lost} of {len(ended)} ({100 * low:.0f} to {100 * high:.0f} %)"
@@ -114,8 +114,3 @@ def time_to_score(frontier: Frontier) -> Table:
         rows.append([family, *entries])
     title = "Core seconds to a score: the median over scenes of the shortest budget that reaches it"
     return Table("time_to_score", 0, title, ["family", *(f"{target:g} dB" for target in TARGETS)], rows)
-
-
-def _mean(frontier: Frontier, budget: float, family: str, name: str) -> str | None:
-    value = float(frontier.values(budget, family, name).mean())
-    return None if np.isnan(value) else f"{value:.3f}"

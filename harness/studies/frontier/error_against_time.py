@@ -26,11 +26,7 @@ def error_of(psnr: float) -> float:
 def error_against_time(context: FrontierContext) -> Iterator[Found]:
     frontier = context.frontier()
     families = frontier.trained
-    yield best_mean(frontier)
-    for budget in frontier.budgets:
-        yield from without_a_score(frontier.cells[budget], f"At {budget:g} core seconds ")
-    yield over_scenes(frontier)
-    yield depth_over_scenes(frontier)
+    yield from overview(frontier)
     yield Table(
         "by_scene", 0, "PSNR by scene and budget, dB, mean over seeds",
         ["scene", "core s", *families],
@@ -48,12 +44,17 @@ def error_against_time(context: FrontierContext) -> Iterator[Found]:
 
 def larger(context: FrontierContext) -> Iterator[Found]:
     frontier = context.frontier(large=True)
+    yield from overview(frontier)
+    yield from lines(frontier, "core_seconds", None)
+
+
+def overview(frontier: Frontier) -> Iterator[Found]:
+    """Yield the best mean, what lacks a score, and the errors of colour and depth over the scenes."""
     yield best_mean(frontier)
     for budget in frontier.budgets:
         yield from without_a_score(frontier.cells[budget], f"At {budget:g} core seconds ")
     yield over_scenes(frontier)
     yield depth_over_scenes(frontier)
-    yield from lines(frontier, "core_seconds", None)
 
 
 def best_mean(frontier: Frontier) -> str:
@@ -62,22 +63,19 @@ def best_mean(frontier: Frontier) -> str:
     means = {family: frontier.table(last, (family,)).mean() for family in frontier.trained}
     best = max(means, key=lambda family: -np.inf if np.isnan(means[family]) else means[family])
     both = dict.fromkeys((best, "nerf") if "nerf" in means else (best,))
-    scores = "; ".join(f"{family} {means[family]:.2f} dB{_depth_in_words(frontier, family)}" for family in both)
+    depths = {family: frontier.mean(last, family, "depth_rmse") for family in both}
+    errors = {family: f" (depth error {depth})" if depth else "" for family, depth in depths.items()}
+    scores = "; ".join(f"{family} {means[family]:.2f} dB{errors[family]}" for family in both)
     over = f"{scenes} scene{'s' * (scenes > 1)} of {frontier.amount.resolution} pixels"
     return f"At {last:g} core seconds {best} has the best mean over {over}: {scores}."
 
 
-def _depth_in_words(frontier: Frontier, family: str) -> str:
-    error = float(frontier.values(frontier.budgets[-1], family, "depth_rmse").mean())
-    return "" if np.isnan(error) else f" (depth error {error:.3f})"
-
-
 def depth_over_scenes(frontier: Frontier) -> Table:
     """Return the error of depth of each family at each budget: its mean over scenes and seeds."""
-    rows: Rows = []
-    for family in frontier.trained:
-        errors = [float(frontier.values(budget, family, "depth_rmse").mean()) for budget in frontier.budgets]
-        rows.append([family, *(None if np.isnan(error) else f"{error:.3f}" for error in errors)])
+    rows: Rows = [
+        [family, *(frontier.mean(budget, family, "depth_rmse") for budget in frontier.budgets)]
+        for family in frontier.trained
+    ]
     columns = ["family", *(f"{budget:g} core s" for budget in frontier.budgets)]
     return Table("depth_over_scenes", 0, "RMSE of depth on opaque pixels, mean over scenes, scene units", columns, rows)
 
@@ -128,7 +126,9 @@ def lines(frontier: Frontier, axis: str, scene: str | None) -> Iterator[Series]:
             level = error_of(float(np.median(known)))
             ends = [frontier.budgets[0], frontier.budgets[-1]]
             yield Series(panel, 0, title, AXES[axis], ERROR, ends, [level, level])
-    others = [point for point in points_of(frontier.amount) if point.scene == scene and axis == "core_seconds"]
+    if scene is None or axis != "core_seconds":
+        return
+    others = [point for point in points_of(frontier.amount) if point.scene == scene]
     for name in dict.fromkeys(point.name for point in others):
         theirs = [point for point in others if point.name == name]
         seconds, errors = [each.core_seconds for each in theirs], [error_of(each.psnr) for each in theirs]

@@ -158,3 +158,8 @@ class Frontier:
     def table(self, budget: float, families: tuple[str, ...]) -> Float[np.ndarray, "methods scenes"]:
         """Return the mean PSNR over seeds, NaN where a seed has none."""
         return np.array([self.values(budget, family, "psnr").mean(axis=1) for family in families])
+
+    def mean(self, budget: float, family: str, name: str) -> str | None:
+        """Return the mean of a score over scenes and seeds to three decimals; None if one is missing."""
+        value = float(self.values(budget, family, name).mean())
+        return None if np.isnan(value) else f"{value:.3f}"

@@ -55,9 +55,7 @@ def peers(context: FrontierContext) -> Iterator[Found]:
         ours = best_within(frontier, point)
         behind += ours is not None and ours[0] > point.psnr
         words = "" if ours is None else "{:.1f} dB in {:g} core s, {}".format(*ours)
-        rows.append(
-            [point.name, point.scene, f"{point.core_seconds:g}", f"{point.psnr:.1f}", words, point.protocol]
-        )  # fmt: skip
+        rows.append([point.name, point.scene, f"{point.core_seconds:g}", f"{point.psnr:.1f}", words, point.protocol])
     programs = listed(list(dict.fromkeys(point.name.split(",")[0] for point in points)))
     yield f"{programs}: at {behind} of {len(points)} points a family of ours scores higher in no more core seconds."
     columns = ["program", "scene", "core s", "PSNR, dB", "the best of ours in no more time", "protocol"]

@@ -7,15 +7,12 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn.functional import conv2d
 
-from harness.training.scoring.metrics import SSIM_SIGMA, SSIM_WINDOW
+from harness.training.scoring.metrics import ssim_kernel
 
 
 def ssim_loss(picture: Float[Tensor, "height width 3"], truth: Float[Tensor, "height width 3"]) -> Float[Tensor, ""]:
     """Return 1 − SSIM (Wang et al. 2004) of display colours, differentiable with respect to `picture`."""
-    window = min(SSIM_WINDOW, *picture.shape[:2])
-    offsets = torch.arange(window) - (window - 1) / 2
-    kernel = torch.exp(-0.5 * (offsets / SSIM_SIGMA) ** 2).to(picture.dtype)
-    kernel = kernel / kernel.sum()
+    kernel = torch.from_numpy(ssim_kernel(*picture.shape[:2])).to(picture.dtype)
     x, y = picture, truth
     images = torch.stack([x, y, x * x, y * y, x * y]).permute(0, 3, 1, 2).flatten(0, 1)[:, None]
     blurred = conv2d(conv2d(images, kernel[None, None, :, None]), kernel[None, None, None, :])

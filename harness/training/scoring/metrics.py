@@ -33,16 +33,22 @@ def rmse_linear(image: np.ndarray, truth: np.ndarray) -> float:
     return float(np.sqrt(mse(decode_srgb(image), decode_srgb(truth))))
 
 
+def ssim_kernel(height: int, width: int) -> np.ndarray:
+    """Return the weights of the window along one side, which sum to 1, for an image of this size."""
+    window = min(SSIM_WINDOW, height, width)
+    offsets = np.arange(window) - (window - 1) / 2
+    kernel = np.exp(-0.5 * (offsets / SSIM_SIGMA) ** 2)
+    return kernel / kernel.sum()  # type: ignore[no-any-return]
+
+
 def ssim(image: np.ndarray, truth: np.ndarray) -> float:
     """Return the structural similarity as usual for radiance fields (Wang et al. 2004): 11 × 11 Gaussian window of
     σ = 1.5, only valid windows, averaged over channels. For a smaller image the image is the window.
     """
     _require_finite(image, truth)
     x, y = image.astype(np.float64), truth.astype(np.float64)
-    window = min(SSIM_WINDOW, *x.shape[:2])
-    offsets = np.arange(window) - (window - 1) / 2
-    kernel = np.exp(-0.5 * (offsets / SSIM_SIGMA) ** 2)
-    kernel /= kernel.sum()
+    kernel = ssim_kernel(*x.shape[:2])
+    window = len(kernel)
 
     def blurred(values: np.ndarray) -> np.ndarray:
         half, rows, columns = window // 2, x.shape[0] - window + 1, x.shape[1] - window + 1

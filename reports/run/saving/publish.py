@@ -1,11 +1,13 @@
 """summary.json, which holds every number of the page for scripts, and small PNG plots for a README."""
 
+import shlex
 from dataclasses import asdict, replace
 from pathlib import Path
 
 import matplotlib
 import matplotlib.image
 from matplotlib.figure import Figure
+from msgspec import structs
 
 from harness.records.cells import CellRecord
 from harness.records.json_record import finite_or_none, plain, write_json
@@ -90,8 +92,9 @@ def write_summary(records: Records, path: Path, shelves: ShelfRecords = NO_SHELV
 
 def write_published(records: Records, folder: Path, shelves: ShelfRecords = NO_SHELVES) -> None:
     """Write summary.json, run.zip (`reports.run.saving.archive`) and, if they can be drawn, psnr.png,
-    error_vs_time.png, work_precision.png and views.png.
+    error_vs_time.png, work_precision.png and views.png. The command of the run keeps only the last name of each path.
     """
+    records = replace(records, run=structs.replace(records.run, command=without_folders(records.run.command)))
     folder.mkdir(parents=True, exist_ok=True)
     write_summary(records, folder / "summary.json", shelves)
     write_archive(records, folder / "run.zip")
@@ -109,6 +112,15 @@ def write_published(records: Records, folder: Path, shelves: ShelfRecords = NO_S
     with matplotlib.rc_context(STYLE):
         if (views := contact(records)) is not None:
             save(views, folder / "views.png")
+
+
+def without_folders(command: str) -> str:
+    """Return a shell's command with each absolute path cut to its last name: its folders are of one machine."""
+    words = []
+    for word in shlex.split(command):
+        option, sign, value = word.rpartition("=")
+        words.append(f"{option}{sign}{Path(value).name}" if Path(value).is_absolute() else word)
+    return shlex.join(words)
 
 
 def key_of_methods(records: Records) -> Key:
