@@ -127,16 +127,16 @@ def harness(session: nox.Session, command: str, *more: str, success_codes: tuple
     session.run("python", "-m", "harness", command, *options, *out, *more, success_codes=success_codes)
 
 
-def report(session: nox.Session, command: str, default: str = "") -> None:
-    """Run a command that writes a folder, by default `default` or else a fresh one, and write its page."""
-    out = OPTIONS.parse_known_args(session.posargs)[0].out
-    fresh = f"out/{command}-{time.strftime('%Y%m%d-%H%M%S')}"
+def report(session: nox.Session, command: str) -> None:
+    """Run a command that writes a folder, by default a fresh one, and write its page."""
     if {"--help", "-h", "--list", "--dry-run"} & set(session.posargs):
         harness(session, command)
         return
+    out = OPTIONS.parse_known_args(session.posargs)[0].out
+    fresh = f"out/{command}-{time.strftime('%Y%m%d-%H%M%S')}"
     # a cell that diverged or failed (3) is part of the result: the page is written, whose command returns 3 again
-    harness(session, command, *([] if out or default else ["--out", fresh]), success_codes=(0, 3))
-    session.run("python", "-m", "reports", out or default or fresh)
+    harness(session, command, *([] if out else ["--out", fresh]), success_codes=(0, 3))
+    session.run("python", "-m", "reports", out or fresh)
 
 
 @nox.session

@@ -26,10 +26,20 @@ from baselines.numerics.encoding import PHI
 
 
 class Amplifier(nn.Module, ABC):
+    """A reading that acts on the sigmoid of the raw output if it is bounded, and else on its softplus."""
+
     bounded: bool
     """Whether its output stays within [0, 1]."""
     pointwise: bool
     """Whether a rendered point's density does not depend on the other points of the chunk."""
+
+    def __init__(self, start: float | None = None) -> None:
+        super().__init__()
+        self.shift = 0.0 if start is None else (sigmoid_shift if self.bounded else softplus_shift)(start)
+
+    def quantity(self, raw: Float[Tensor, " points"]) -> Tensor:
+        """Return the quantity [points] that is amplified."""
+        return torch.sigmoid(raw + self.shift) if self.bounded else softplus_density(raw, self.shift)
 
     @abstractmethod
     def before_and_after(self, raw: Float[Tensor, " points"]) -> tuple[Tensor, Tensor]:
@@ -42,20 +52,7 @@ class Amplifier(nn.Module, ABC):
         return self.before_and_after(raw)[1]
 
 
-class ActivatedAmplifier(Amplifier):
-    """A reading that acts on the sigmoid of the raw output if it is bounded, and else on its softplus."""
-
-    def __init__(self, start: float | None = None) -> None:
-        super().__init__()
-        shift = sigmoid_shift if self.bounded else softplus_shift
-        self.shift = 0.0 if start is None else shift(start)
-
-    def quantity(self, raw: Float[Tensor, " points"]) -> Tensor:
-        """Return the quantity [points] that is amplified."""
-        return torch.sigmoid(raw + self.shift) if self.bounded else softplus_density(raw, self.shift)
-
-
-class NoAmplifier(ActivatedAmplifier):
+class NoAmplifier(Amplifier):
     """Plain softplus: vanilla NeRF's density, with a gradient where ReLU would have none."""
 
     bounded = False
@@ -66,7 +63,7 @@ class NoAmplifier(ActivatedAmplifier):
         return sigma, sigma
 
 
-class MeanAmplifier(ActivatedAmplifier):
+class MeanAmplifier(Amplifier):
     """A contrast α about a mean of the field that only training steps update; if bounded, also β, applied above 0.5."""
 
     def __init__(self, start: float | None = None) -> None:
@@ -193,8 +190,4 @@ AMPLIFIERS: dict[str, Callable[[float | None], Amplifier]] = {
     "running_mean": HeldMeanAmplifier,
     "running_mean_listing2": HeldMeanListing2Amplifier,
 }
-"""The amplifiers by name, each a function of its start.
-
-none is NeRF's softplus; listing2 and equation4 are printed, with a mean of the chunk; the others are Eq. 4 and Listing
-2 about a running mean that belongs to the field.
-"""
+"""Map name → amplifier, as a function of its start."""

@@ -32,9 +32,7 @@ PLANE_FIELD, HASH_FIELD = "baselines.grids.planes:planes", "baselines.grids.hash
 @dataclass(frozen=True)
 class Method:
     settings: Any
-    """A frozen dataclass of everything that changes its results, except the settings that all methods share: `Parts` of
-    `baselines.composition` for a composition of parts, None for a method without settings.
-    """
+    """All that changes its results except what all methods share: `Parts`, another frozen dataclass, or None."""
     title: str
     trainer: str | Callable[[Any], Any] = NETWORK
     """`harness.training.learner.Job` → its `Learner`; as "module:name" it is imported when the method is trained."""

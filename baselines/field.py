@@ -74,10 +74,9 @@ class NetworkField(nn.Module):
         self.in_scene_units = parts.coordinates == "scene"
         self.position_bands = ladder.bands(size.position_bands)
         self.direction_bands = ladder.bands(size.direction_bands)
-        view_dependent = view_dependent and parts.sees_direction
+        self.view_dependent = view_dependent and parts.sees_direction
         position = feature_count(3, self.position_bands)
-        direction = feature_count(3, self.direction_bands) if view_dependent else 0
-        self.view_dependent = view_dependent
+        direction = feature_count(3, self.direction_bands) if self.view_dependent else 0
         self.skip = skip_layer(parts.skip, size.depth)
 
         widths = [size.width + position * (i == self.skip) for i in range(size.depth)]
@@ -171,12 +170,12 @@ class NetworkField(nn.Module):
         if view is None or ray is None:
             return raw, None
         first, *others = _linears(self.colour_net)
-        for_view = self._weight(first)[:, first.in_features - view.shape[-1] :]
+        for_view = first.weight.to(self.dtype)[:, first.in_features - view.shape[-1] :]
         # in full precision, as its gradient is a sum over the points of a ray
         of_view = linear(view.to(self.dtype), for_view, first.bias.to(self.dtype)).to(raw.dtype)
         h = self._split_linear(first, hidden, skipped, with_bias=False) + of_view.index_select(0, ray)
         for layer in others:
-            h = linear(self.activation(h).to(self.dtype), self._weight(layer), layer.bias.to(self.dtype))
+            h = linear(self.activation(h).to(self.dtype), layer.weight.to(self.dtype), layer.bias.to(self.dtype))
         return raw, h[:count].to(raw.dtype)
 
     def _outputs_of_rays(self, x: Tensor, d: Tensor) -> tuple[Tensor, Tensor]:
@@ -217,7 +216,7 @@ class NetworkField(nn.Module):
 
     def _split_linear(self, layer: nn.Linear, hidden: Tensor, skipped: Tensor | None, with_bias: bool = True) -> Tensor:
         """Apply `layer` to [hidden, skipped, …]; the caller applies further columns of its weight."""
-        weight = self._weight(layer)
+        weight = layer.weight.to(self.dtype)
         bias = layer.bias.to(self.dtype) if with_bias else None
         width = hidden.shape[-1]
         result = linear(hidden, weight[:, :width], bias)
@@ -225,14 +224,9 @@ class NetworkField(nn.Module):
             return result
         return result + linear(skipped, weight[:, width : width + skipped.shape[-1]])
 
-    def _weight(self, layer: nn.Linear) -> Tensor:
-        return layer.weight.to(self.dtype)
-
 
 def field_of(method: Method, spec: FieldSpec) -> Any:
-    """Return a fresh field: a `NetworkField` of the parts in `spec`, or the module that the method makes itself, a
-    `baselines.contract.TrainableField`. Raises `ValueError` for a method that has neither.
-    """
+    """Return a fresh `NetworkField` or the module of `make_field`. Raises `ValueError` if the method has neither."""
     if method.make_field is not None:
         make = method.make_field
         return (resolve_name(make) if isinstance(make, str) else make)(spec)
@@ -243,9 +237,7 @@ def field_of(method: Method, spec: FieldSpec) -> Any:
 
 @contextmanager
 def training_step(fields: Iterable[nn.Module]) -> Iterator[None]:
-    """Enclose a training step: at its end the running means of density are updated from the evaluations within, unless
-    an error ends it. Evaluations outside do not change them.
-    """
+    """Enclose a training step: only its evaluations move the running means of density, unless an error ends it."""
     amplifiers = [
         field.amplifier
         for field in fields

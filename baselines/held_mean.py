@@ -25,9 +25,7 @@ class RunningMean(nn.Module):
         self._seen = torch.zeros(2, dtype=torch.float64, device=self.value.device)
 
     def observe(self, values: Float[Tensor, " points"], counted: Bool[Tensor, " points"] | None = None) -> None:
-        """Add values in double precision, so that the result does not depend on how a step is split into chunks; with
-        `counted`, only those.
-        """
+        """Add values, or those `counted`, in double precision: how a step is split into chunks does not matter."""
         if self._seen is None:
             return
         values = values.detach()

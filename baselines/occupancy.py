@@ -32,7 +32,11 @@ class OccupancyGrid:
         self.cells = cells
         self.box = box
         self.opacity_threshold = opacity_threshold
-        self.within = _resampled(box.hull, cells, box.lower.device)
+        if box.hull is None or not bool(box.hull.any()):
+            within = torch.ones(cells**3, dtype=torch.bool)
+        else:  # the cells that overlap one of the hull
+            within = adaptive_max_pool3d(box.hull.float()[None], cells).bool().reshape(-1)
+        self.within = within.to(box.lower.device)
         """The cells that are not known to be empty [cells³]."""
         self.occupied = self.within.clone()
         self.density = torch.where(self.within, torch.inf, 0.0)
@@ -85,10 +89,3 @@ class OccupancyGrid:
 
     def occupied_share(self) -> float:
         return float(self.occupied.float().mean())
-
-
-def _resampled(hull: Tensor | None, cells: int, device: torch.device) -> Bool[Tensor, " n"]:
-    """Return which of cells³ cells overlap an occupied cell of `hull`; all of them if the hull has none."""
-    if hull is None or not bool(hull.any()):
-        return torch.ones(cells**3, dtype=torch.bool, device=device)
-    return adaptive_max_pool3d(hull.float()[None], cells).bool().reshape(-1).to(device)

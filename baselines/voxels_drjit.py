@@ -63,10 +63,6 @@ def softplus(x: Any) -> JitArray:
     return dr.maximum(x, 0.0) + dr.log(1.0 + dr.exp(-dr.abs(x)))
 
 
-def sigmoid(x: JitArray) -> JitArray:
-    return 1.0 / (1.0 + dr.exp(-x))
-
-
 def lost(tau: JitArray) -> JitArray:
     """Return 1 − exp(−τ), accurate to all digits, and so is its gradient."""
     series = tau * (1.0 - tau * (1 / 2 - tau * (1 / 6 - tau * (1 / 24 - tau * (1 / 120 - tau / 720)))))
@@ -75,12 +71,6 @@ def lost(tau: JitArray) -> JitArray:
 
 
 over_rays = partial(dr.block_reduce, dr.ReduceOp.Add)
-
-
-def ray_weights(tau: JitArray, bins: int) -> tuple[JitArray, JitArray]:
-    """Return the weight of each point (Eq. 6), and the transmittance behind the last one of each ray."""
-    before = dr.block_prefix_reduce(dr.ReduceOp.Add, tau, bins, exclusive=True)
-    return dr.exp(-before) * lost(tau), dr.exp(-over_rays(tau, bins))
 
 
 Backend = Literal["llvm", "cuda"]
@@ -114,6 +104,7 @@ class VoxelField:
         self, box: Box, voxels: int, view_dependent: bool, backend: Backend, own: VoxelSettings = USUAL
     ) -> None:
         """Create thin grey fog everywhere, with `voxels` along the longest side of the box."""
+        self.backend: Backend = backend
         self.types: Any = importlib.import_module(f"drjit.{backend}.ad")
         self.box = box
         self.lower, self.upper = box.lower.tolist(), box.upper.tolist()
@@ -142,7 +133,7 @@ class VoxelField:
     def filled(self, values: dict[str, Tensor]) -> "VoxelField":
         """Return a field with the values of a `state_dict`. Raises `ValueError` if it is of another box or degree."""
         shape = tuple(values["density"].shape[::-1])
-        field = VoxelField(self.box, max(shape), self.degree > 0, self._backend, self.own)
+        field = VoxelField(self.box, max(shape), self.degree > 0, self.backend, self.own)
         for name in field.values:
             expected = shape[::-1] if name == "density" else (*shape[::-1], self.coefficients)
             if field.shape != shape or tuple(values[name].shape) != expected:
@@ -151,7 +142,7 @@ class VoxelField:
         return field
 
     def refined(self, voxels: int) -> "VoxelField":
-        finer = VoxelField(self.box, voxels, self.degree > 0, self._backend, self.own)
+        finer = VoxelField(self.box, voxels, self.degree > 0, self.backend, self.own)
         for name in self.values:
             grid = self._as_grid(name)
             channels = (grid.unsqueeze(-1) if grid.ndim == 3 else grid).permute(3, 0, 1, 2)
@@ -172,8 +163,8 @@ class VoxelField:
     def samples(
         self, rays: Rays, bins: int, generator: torch.Generator | None
     ) -> tuple[Samples | None, Int[Tensor, " hits"]]:
-        """Return the points at which `rays` are evaluated, None if no ray meets the box, and which rays meet it. Points
-        are random in their bins with a generator (training), else midpoints.
+        """Return the points of the rays that meet the box, None without such rays, and which these are; random in their
+        bins with a generator (training), else midpoints.
         """
         entry, leave, hit = ray_box(rays.origins, rays.directions, self.box.lower, self.box.upper, rays.near, rays.far)
         inside = torch.nonzero(hit)[:, 0]
@@ -234,15 +225,17 @@ class VoxelField:
         direction = dr.gather(types.Array3f, samples.direction, ray)
         position = dr.fma(direction, samples.t, dr.gather(types.Array3f, samples.origin, ray))
         at = corners(self._in_box(position), self.shape)
-        w, T_end = ray_weights(self._density(at) * samples.delta, bins)
+        tau = self._density(at) * samples.delta
+        before = dr.block_prefix_reduce(dr.ReduceOp.Add, tau, bins, exclusive=True)
+        w, T_end = dr.exp(-before) * lost(tau), dr.exp(-over_rays(tau, bins))
         harmonics = dr.sh_eval(direction, self.degree)
         shown = []
         for name in CHANNELS:
             kind = types.Float if self.degree == 0 else types.Array4f
             held = interpolated(self.values[name], at, kind)
             held = [held] if self.degree == 0 else held
-            value = sigmoid(sum(basis * factor for basis, factor in zip(harmonics, held, strict=True)))
-            shown.append(over_rays(w * value, bins) + T_end)
+            logit = sum(basis * factor for basis, factor in zip(harmonics, held, strict=True))
+            shown.append(over_rays(w * (1.0 / (1.0 + dr.exp(-logit))), bins) + T_end)
         return shown, w, over_rays(w, bins)
 
     def _density(self, at: JitArray) -> JitArray:
@@ -270,10 +263,6 @@ class VoxelField:
     def _in_box(self, x: JitArray) -> JitArray:
         size = [high - low for low, high in zip(self.lower, self.upper, strict=True)]
         return self.types.Array3f(*((x[i] - self.lower[i]) / size[i] for i in range(3)))
-
-    @property
-    def _backend(self) -> Backend:
-        return "cuda" if "cuda" in self.types.__name__ else "llvm"
 
     # the border between torch and Dr.Jit
 

@@ -27,7 +27,7 @@ from scenes.files.stopping import stop_on_signals
 if TYPE_CHECKING:
     from harness.records.study import Studies
     from reports.data.load import Records
-    from reports.data.shelf_records import ShelfRecords
+    from reports.data.studies_load import ShelfRecords
     from reports.studies.study_page import ShelfShown
 
 Show = Callable[[str], None]
@@ -136,8 +136,7 @@ def build(out: Path, publish: Path | None, partly: bool, show: Show, export: Pat
 
     from reports.data.load import NoRecords, if_valid, read_records
     from reports.data.saved_pictures import damaged as damaged_pictures
-    from reports.data.shelf_records import ShelfRecords
-    from reports.data.studies_load import find_studies
+    from reports.data.studies_load import ShelfRecords, find_studies
 
     damaged: list[str] | None = [] if partly else None
     read = {shelf: if_valid(partial(find_studies, out, shelf), None, damaged) for shelf in SHELVES}
@@ -176,11 +175,12 @@ def build(out: Path, publish: Path | None, partly: bool, show: Show, export: Pat
 
 
 def refuse_unfinished(record: "Studies", path: Path) -> None:
-    """Raise `NotForPublishing` for a record that is quick or not finished."""
     from harness.records.study import again
-    from reports.data.load import NotForPublishing, refuse_quick
+    from reports.data.load import NotForPublishing
 
-    refuse_quick(record.settings, path)
+    if record.is_quick:
+        remedy = "measure again without --quick, or leave out --publish"
+        raise NotForPublishing(f"{path}: a quick run, too rough to publish; {remedy}")
     if not record.is_complete:
         raise NotForPublishing(f"{path}: not finished; {again(record.shelf, path.parent)}, or leave out --publish")
 

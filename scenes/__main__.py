@@ -14,7 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from scenes.catalog.entries import CATALOG
+from scenes.catalog.entries import CATALOG, CLASSICS
 from scenes.files.errors import InputError
 from scenes.files.installed import packages_needed
 from scenes.files.stopping import stop_on_signals
@@ -29,21 +29,8 @@ def main(arguments: list[str] | None = None) -> int:
     if options.command == "render" and bool(options.names) == bool(options.scene_file):
         parser.error("render: name scenes of the catalogue, or one file with --scene-file")
     try:
-        if options.command == "render":
-            _render(options)
-        elif options.command == "export":
-            _export(options)
-        elif options.command == "repeats":
-            _repeats(options)
-        elif options.command == "noise":
-            _noise(options)
-        else:
-            from scenes.files.atomic import require_suffix
-            from scenes.rendering.checks import write_sheet
-
-            require_suffix(options.out, ".png", "sheet")
-            write_sheet(options.out, options.names or None, options.resolution, options.spp, options.variant)
-            print(options.out)
+        runs = {"render": _render, "export": _export, "noise": _noise, "repeats": _repeats, "sheet": _sheet}
+        runs[options.command](options)
     except InputError as error:
         print(f"scenes: {error}", file=sys.stderr)
         return 2
@@ -127,6 +114,15 @@ def _repeats(options: argparse.Namespace) -> None:
         path = options.out / f"{name}.npy"
         np.save(path, np.stack([image.astype(np.float32) for image in renders]))
         print(json.dumps({"scene": name, "path": str(path)}), flush=True)
+
+
+def _sheet(options: argparse.Namespace) -> None:
+    from scenes.files.atomic import require_suffix
+    from scenes.rendering.checks import write_sheet
+
+    require_suffix(options.out, ".png", "sheet")
+    write_sheet(options.out, options.names or CLASSICS, options.resolution, options.spp, options.variant)
+    print(options.out)
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -63,7 +63,6 @@ def house_of(root: Path) -> House:
 
 
 def house_drawn(picture: str) -> House:
-    """Return the rooms and arrows of a picture, with its numbers."""
     elements = [element.attrib for element in ElementTree.fromstring(picture).iter()]
     return House(
         {row["data-room"]: int(row["data-lines"]) for row in elements if "data-room" in row},
@@ -175,19 +174,16 @@ def _boxes(house: House, middle: dict[str, tuple[float, float]], cell: float) ->
         package, name = room.partition(".")[0], room.rpartition(".")[2]
         right, y, tall = middle[room][0] + cell / 2, middle[room][1], cell - 5
         left, top = right - BOX, y - tall / 2
+        amount = f"{lines:,} lines".replace(",", " ") if lines else "a few lines"
         shapes.append(
             f'<g data-room="{room}" data-lines="{lines}"><title>{room}</title>'
             f"{_rect(left, top, BOX, tall, COLOURS[package], rx=4)}"
             f"{_rect(left + 7, top + tall - 5, (BOX - 14) * lines / largest, 2.5, PAPER, opacity=0.6)}"
             f"{_text(left + 7, y + 2.5, name, size=12.5, weight=600, fill=PAPER)}"
-            f"{_text(right - 7, y + 2.5, _amount(lines), size=10.5, fill=PAPER, anchor='end')}"
+            f"{_text(right - 7, y + 2.5, amount, size=10.5, fill=PAPER, anchor='end')}"
             "</g>"
         )
     return shapes
-
-
-def _amount(lines: int) -> str:
-    return f"{lines:,} lines".replace(",", " ") if lines else "a few lines"
 
 
 def _text(

@@ -1,7 +1,6 @@
 """Which points of a ray are evaluated: the settings of sampling, and the bins that the occupancy grid leaves."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from jaxtyping import Bool, Float
 from torch import Tensor
@@ -32,17 +31,6 @@ class Sampling:
     """The share of the points of a fixed shape that can be evaluated; what does not fit is counted as dropped."""
 
 
-class Placed(NamedTuple):
-    """The points of rays: what a march begins with."""
-
-    t: Float[Tensor, "rays points"]
-    t_edges: Edges
-    x: Float[Tensor, "rays points 3"]
-    lengths: Bins
-    keep: Bool[Tensor, "rays bins"]
-    """The bins that have a length and are not known to be empty or, in training, hidden."""
-
-
 def placed(
     field: RadianceField,
     rays: Rays,
@@ -51,31 +39,22 @@ def placed(
     sampling: Sampling,
     grid: OccupancyGrid | None,
     draws: Draws | None,
-) -> Placed:
-    """Return points in the bins, random in training (`draws`), and the bins to evaluate."""
+) -> tuple[Float[Tensor, "rays points"], Edges, Float[Tensor, "rays points 3"], Bins, Bool[Tensor, "rays bins"]]:
+    """Return what a march begins with: points in the bins as distances, random in training (`draws`); the fenceposts;
+    the points in space; the lengths of the bins; and the bins that have a length and are not known to be empty or, in
+    training, hidden.
+    """
     t, t_edges = rule.place(t_edges, draws)
     x = rays.origins.unsqueeze(1) + t.unsqueeze(-1) * rays.directions.unsqueeze(1)
     lengths = rule.lengths(t, t_edges)
-    return Placed(t, t_edges, x, lengths, _bins_to_evaluate(field, x, lengths, rule, sampling, grid, draws))
-
-
-def _bins_to_evaluate(
-    field: RadianceField,
-    x: Float[Tensor, "rays points 3"],
-    lengths: Bins,
-    rule: Rule,
-    sampling: Sampling,
-    grid: OccupancyGrid | None,
-    draws: Draws | None,
-) -> Bool[Tensor, "rays bins"]:
     keep = lengths > 0
-    if grid is None:
-        return keep
-    cell = grid.cell(x)
-    occupied = grid.occupied[cell]
-    if draws is not None:
-        if sampling.hidden and field.pointwise:  # else skipping points would change the others
-            occupied = occupied & ~grid.hidden(cell, lengths)
-        u = uniform(cell.shape, draws, lengths)
-        occupied = occupied | (grid.within[cell] & (u < sampling.exploration))
-    return keep & rule.bins_with(occupied)
+    if grid is not None:
+        cell = grid.cell(x)
+        occupied = grid.occupied[cell]
+        if draws is not None:
+            if sampling.hidden and field.pointwise:  # else skipping points would change the others
+                occupied = occupied & ~grid.hidden(cell, lengths)
+            u = uniform(cell.shape, draws, lengths)
+            occupied = occupied | (grid.within[cell] & (u < sampling.exploration))
+        keep = keep & rule.bins_with(occupied)
+    return t, t_edges, x, lengths, keep

@@ -5,7 +5,7 @@ need (Mildenhall et al. 2020, Table 2): a comparison that misses their loss cann
 """
 
 from dataclasses import replace
-from itertools import product
+from itertools import compress, product
 
 from baselines.composition import Parts
 from baselines.methods.nerf import NERF
@@ -26,12 +26,10 @@ def combination(*names: str, of: Parts = QNERF) -> Parts:
 
 def partial_combinations(amplifier: str, of: Parts) -> dict[str, Parts]:
     """Map name → parts of every combination that is neither NeRF nor `of`, whose amplifier is called `amplifier`."""
-    switches = product((False, True), repeat=3)
-    chosen = [[name for name, on in zip(PARTS_OF_QNERF, some, strict=True) if on] for some in switches]
+    chosen = [list(compress(PARTS_OF_QNERF, on)) for on in product((False, True), repeat=3) if 0 < sum(on) < 3]
     return {
         "_".join(["nerf", *(amplifier if name == "amplifier" else name for name in names)]): combination(*names, of=of)
         for names in chosen
-        if 0 < len(names) < 3
     }
 
 

@@ -61,8 +61,7 @@ def amplify_listing2(
     beta: Float[Tensor, ""],
     threshold: float = 0.5,
 ) -> Float[Tensor, "*points"]:
-    """Apply Listing 2 after its sigmoid: Eq. 4 on `normalised` in [0, 1], times β above the threshold, clamped to [0,
-    1].
+    """Apply Listing 2 after its sigmoid: Eq. 4 on `normalised`, times β above the threshold, clamped to [0, 1].
 
     As a density it is at most 1 per unit of length, which the listing does not state. Per scene unit, one unit of solid
     geometry has an opacity of at most 1 − 1/e = 0.63; per 1/25 of a scene unit, 1 − e^(−25). The gradient is zero where

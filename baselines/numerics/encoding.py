@@ -40,18 +40,17 @@ def feature_count(axes: int, bands: int) -> int:
     return axes * (1 + 2 * bands)
 
 
-def checked_positions(x: Float[Tensor, "points axes"], reach: float = REACH) -> Float[Tensor, "points axes"]:
-    """Return `x` itself. Raises `ValueError` naming the first point with a coordinate that is not finite or beyond
-    `reach`.
+def checked_positions(x: Float[Tensor, "points axes"]) -> Float[Tensor, "points axes"]:
+    """Return `x` itself. Raises `ValueError` naming the first point with a coordinate not finite or beyond `REACH`.
 
     This is for callers whose points do not come from rays cut to the box (slices, meshes, probes). The error of an
     angle f π x grows in proportion to x: at x = 1e4 the top band of base 2 is noise (error 0.8), at 1e36 it is NaN.
     """
-    allowed = (x.abs() <= reach).all(dim=-1)  # a NaN compares as not allowed
+    allowed = (x.abs() <= REACH).all(dim=-1)  # a NaN compares as not allowed
     if not bool(allowed.all()):
         point = int(allowed.int().argmin())
         raise ValueError(
-            f"point {point} at {x[point].tolist()} is not in the box, whose coordinates end at ±{reach:g}; "
+            f"point {point} at {x[point].tolist()} is not in the box, whose coordinates end at ±{REACH:g}; "
             "normalise positions by the box, and leave out what lies outside of it"
         )
     return x

@@ -95,10 +95,6 @@ class _Group:
         self.left.factor.lerp_(g @ g.mT, 1.0 - beta)
         self.right.factor.lerp_(g.mT @ g, 1.0 - beta)
 
-    def start(self) -> None:
-        self.left.start()
-        self.right.start()
-
     def renew(self) -> None:
         """Renew the bases. The mean of the gradient turns with them; the mean of its square is only reordered."""
         first = self.back(self.first)
@@ -127,12 +123,13 @@ class Soap:
 
     @torch.no_grad()
     def step(self, rate: float | Tensor) -> None:
-        gradients = [_stacked(group.weights) for group in self._groups]
+        gradients = [torch.stack([_gradient(weight) for weight in group.weights]) for group in self._groups]
         for group, g in zip(self._groups, gradients, strict=True):
             group.observe(g, self.betas[1])
         if self.taken == 0:
             for group in self._groups:
-                group.start()
+                group.left.start()
+                group.right.start()
         else:
             size = float(rate) * math.sqrt(1.0 - self.betas[1] ** self.taken) / (1.0 - self.betas[0] ** self.taken)
             for group, g in zip(self._groups, gradients, strict=True):
@@ -169,7 +166,3 @@ class Soap:
 
 def _gradient(weight: nn.Parameter) -> Tensor:
     return torch.zeros_like(weight) if weight.grad is None else weight.grad
-
-
-def _stacked(weights: list[nn.Parameter]) -> Stack:
-    return torch.stack([_gradient(weight) for weight in weights])

@@ -80,9 +80,7 @@ class Gaussians:
     widened: float
     """The standard deviation, in units of `pixel`, by which a Gaussian is widened."""
     blurred: float = 0.0
-    """The variance by which a picture is blurred, in the plane at distance 1, for Gaussians of the reference
-    implementation, which does so instead of widening them in space.
-    """
+    """The variance by which the reference implementation, in place of widening, blurs a picture at distance 1."""
     pointwise: bool = field(default=True, init=False)
     density_limit: float = field(default=math.inf, init=False)
 

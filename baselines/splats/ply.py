@@ -24,8 +24,7 @@ DEGREES = {3 * ((degree + 1) ** 2 - 1): degree for degree in range(4)}
 """Number of harmonics above degree 0 → their degree."""
 MOST = 1 << 24
 LARGEST = 1e5
-"""The largest number, and below the largest standard deviation: a picture of larger ones overflows."""
-LARGEST_LOG_SCALE = math.log(LARGEST)
+"""The largest number and the largest standard deviation: a picture of larger ones overflows."""
 
 
 def signs(degree: int) -> Float[Tensor, " harmonics"]:
@@ -72,7 +71,7 @@ def read_ply(file: Path, focal: float) -> Gaussians:
         raise ValueError(f"has {len(vertices)} points with {rest} properties f_rest; 0, 9, 24 or 45 are read")
     columns = [*FIXED, *(f"f_rest_{k}" for k in range(rest))]
     values = torch.from_numpy(np.stack([vertices[name].astype(np.float32) for name in columns], axis=1))
-    if not bool((values.abs() <= LARGEST).all() and (values[:, 3:6] <= LARGEST_LOG_SCALE).all()):
+    if not bool((values.abs() <= LARGEST).all() and (values[:, 3:6] <= math.log(LARGEST)).all()):
         raise ValueError(f"has values that are not finite, or lengths above {LARGEST:g}")
     if bool((values[:, 6:10].norm(dim=1) == 0.0).any()):
         raise ValueError("has a rotation of length 0")

@@ -75,9 +75,7 @@ def split_among(
 def relocated(
     values: Float[Tensor, "gaussians columns"], more: int, dead: float, generator: torch.Generator
 ) -> tuple[Float[Tensor, "all columns"], Int[Tensor, " moved"]]:
-    """Move Gaussians whose opacity is at most `dead` to others, drawn by opacity, and add `more` new Gaussians. Return
-    all Gaussians, and which of them changed.
-    """
+    """Move Gaussians of opacity ≤ `dead` to others, drawn by opacity, and add `more`. Return all, and which changed."""
     opacity = torch.sigmoid(values[:, OPACITY])
     faint = torch.nonzero(opacity <= dead)[:, 0]
     alive = torch.nonzero(opacity > dead)[:, 0]

@@ -13,8 +13,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-VARIANT = "llvm_ad_rgb"
-mi.set_variant(VARIANT)
+mi.set_variant("llvm_ad_rgb")
 
 from mitsuba.python.ad.integrators.volprim_rf_basic import (  # noqa: E402 — of the variant that is set
     BasicVolumetricPrimitiveRadianceFieldIntegrator,
@@ -35,9 +34,7 @@ class OverWhite(BasicVolumetricPrimitiveRadianceFieldIntegrator):  # type: ignor
     @dr.syntax
     @no_type_check
     def seen(self, scene: Any, ray: Any) -> tuple[Any, Any, Any, Any]:
-        """Return radiance over white, transmittance, distance times opacity, and the number of Gaussians met. This is
-        the loop of `sample` without a gradient.
-        """
+        """Return radiance over white, transmittance, distance times opacity, and hits: `sample` without a gradient."""
         start, ray = mi.Point3f(ray.o), mi.Ray3f(ray)
         radiance, let = mi.Color3f(0.0), mi.Float(1.0)
         distance, hits, active = mi.Float(0.0), mi.UInt32(0), mi.Bool(True)

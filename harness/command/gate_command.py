@@ -2,14 +2,15 @@
 
 import argparse
 import shlex
+import time
 from pathlib import Path
 
 from harness.command.options import Command, Options, flag, option, reported, require_folder, shared
 from harness.execution.progress import Progress
 from harness.gate.gates import KINDS, Gate, gates
+from scenes.files.errors import InputError
 
 LIMITS, HISTORY_FILE = Path("gates/limits.json"), Path("out/history.jsonl")
-
 
 GATE: Options = {
     "--only": option("gates, or beginnings of their names: changed worse.qnerf images …", "NAME", nargs="+"),
@@ -59,23 +60,19 @@ def run_gate(options: argparse.Namespace, show: Progress) -> int:
 
 def chosen(names: list[str] | None) -> tuple[Gate, ...]:
     """Return the gates whose names are or begin with one of `names`; raises `InputError` for a name without a gate."""
-    from scenes.files.errors import InputError
-
     table = gates()
     if names is None:
         return table
-    selected = [gate for gate in table if any(_begins(gate.name, name) for name in names)]
-    unknown = [name for name in names if not any(_begins(gate.name, name) for gate in table)]
-    if unknown:
+
+    def begins(gate: Gate, start: str) -> bool:
+        return gate.name == start or gate.name.startswith(start.removesuffix(".") + ".")
+
+    if unknown := [name for name in names if not any(begins(gate, name) for gate in table)]:
         raise InputError(
             f"--only: no gate's name begins with {' '.join(map(repr, unknown))}; known: {' '.join(KINDS)}, "
             "and what --list prints"
         )
-    return tuple(selected)
-
-
-def _begins(name: str, start: str) -> bool:
-    return name == start or name.startswith(start.removesuffix(".") + ".")
+    return tuple(gate for gate in table if any(begins(gate, name) for name in names))
 
 
 def run_history(options: argparse.Namespace, show: Progress) -> int:
@@ -97,8 +94,6 @@ def run_history(options: argparse.Namespace, show: Progress) -> int:
 
 def remember(file: Path | None, record: Path, of_class: str, show: Progress) -> None:
     """Append the figures of a record of studies to the history; a failure to write it is only reported."""
-    import time
-
     from harness.records.study import read_studies
     from harness.verdicts.history.past_runs import PastRun, append
 

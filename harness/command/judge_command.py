@@ -2,10 +2,13 @@
 
 import argparse
 import sys
+import time
 from pathlib import Path
 
 from harness.command.options import Command, Options, flag, option, reported, require_between, require_folder
 from harness.execution.progress import Progress
+from scenes.files.atomic import require_suffix
+from scenes.files.errors import InputError
 
 JUDGE: Options = {
     "tables": option(
@@ -58,8 +61,6 @@ COMPARE: Options = {
 
 
 def run_judge(options: argparse.Namespace, show: Progress) -> int:
-    import time
-
     from harness.records.judgements import JUDGEMENT_FILE, write_judgement
     from harness.verdicts.judging.judgement import judge_files, lines
     from harness.verdicts.judging.printed import write_tables
@@ -82,7 +83,6 @@ def run_score(options: argparse.Namespace, show: Progress) -> int:
     from harness.records.metric_table import METRICS
     from harness.records.scored_pictures import read_scores, write_scores
     from harness.training.scoring.others import SCORED, score_pictures
-    from scenes.files.errors import InputError
 
     require_between(options, seed=(0, 2**31), seconds=(0.0, 1e9), resolution=(1, 4096))
     for name in ("method", "scene"):
@@ -113,7 +113,6 @@ def run_score(options: argparse.Namespace, show: Progress) -> int:
 def run_compare(options: argparse.Namespace, show: Progress) -> int:
     from harness.records.json_record import write_json
     from harness.verdicts.judging.two_runs import as_json, lines_of, two_runs
-    from scenes.files.atomic import require_suffix
 
     if options.json is not None:
         require_suffix(options.json, ".json", "--json")

@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING
 
 from harness.command.options import FINISHED_RUN, Command, Options, flag, option, require_between, shared
 from harness.execution.progress import Progress
+from scenes.files.atomic import require_suffix, write_atomically
+from scenes.files.errors import InputError
 
 if TYPE_CHECKING:
     import uvicorn
@@ -22,8 +24,6 @@ if TYPE_CHECKING:
 
 PORT = 8008
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
-
-
 VIEW: Options = {
     "out": FINISHED_RUN,
     "--scene": option("scene to begin with (default: the first that was trained)", "SCENE"),
@@ -76,7 +76,8 @@ def _serve_view(options: argparse.Namespace, show: Progress) -> None:
 
     def announce() -> None:
         show.line(f"{options.out} on {address} (Ctrl-C ends it)")
-        if not options.no_browser and _has_screen():
+        has_display = any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
+        if not options.no_browser and (has_display or sys.platform in ("darwin", "win32")):
             threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
 
     try:
@@ -86,7 +87,6 @@ def _serve_view(options: argparse.Namespace, show: Progress) -> None:
 
 
 def config_of(site: "Starlette") -> "uvicorn.Config":
-    """Return a configuration without logs, and without waiting for connections at the end."""
     import uvicorn
 
     return uvicorn.Config(
@@ -102,10 +102,7 @@ def config_of(site: "Starlette") -> "uvicorn.Config":
 
 def bound(host: str, port: int) -> socket.socket:
     """Return a listening socket; raises `InputError` for an address that is in use or not one of this machine."""
-    from scenes.files.errors import InputError
-
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    listener = socket.socket(family, socket.SOCK_STREAM)
+    listener = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_STREAM)
     try:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listener.bind((host, port))
@@ -124,9 +121,7 @@ def bound(host: str, port: int) -> socket.socket:
 
 
 def hosts_of(host: str) -> list[str]:
-    """Return the names under which the page may be requested; others, which an attacker's server may give this machine
-    (DNS rebinding), are refused.
-    """
+    """Return the names under which the page may be requested, which refuses those of attackers (DNS rebinding)."""
     names = {"127.0.0.1", "localhost", "[::1]"}
     if host not in LOOPBACK:
         here = socket.gethostname()
@@ -138,10 +133,6 @@ def hosts_of(host: str) -> list[str]:
 
 def _in_address(host: str) -> str:
     return f"[{host}]" if ":" in host else host
-
-
-def _has_screen() -> bool:
-    return sys.platform in ("darwin", "win32") or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 PATH_NAMES = ("orbit", "spiral", "walk", "test")
@@ -170,8 +161,6 @@ RENDER: Options = {
 
 
 def run_render(options: argparse.Namespace, show: Progress) -> int:
-    from scenes.files.errors import InputError
-
     require_between(options, frames=(1, MOST_FRAMES), resolution=(1, 4096), fps=(1, 60))
     require_between(options, threads=(1, 256), seed=(0, 2**31), elevation=(-90, 90))
     if options.elevation is not None and options.path != "orbit":
@@ -234,8 +223,6 @@ def run_splats(options: argparse.Namespace, show: Progress) -> int:
     from baselines.splats.gaussians import Gaussians
     from baselines.splats.ply import ply_bytes
     from harness.playback.run_loader import FinishedRun
-    from scenes.files.atomic import require_suffix, write_atomically
-    from scenes.files.errors import InputError
 
     run = FinishedRun.of(options.run)
     (scene, *_) = run.scenes([options.scene] if options.scene else None, "--scene")

@@ -2,12 +2,14 @@
 
 import argparse
 import json
+import tempfile
 from dataclasses import asdict
 from pathlib import Path
 
 from harness.command.options import Command, Options, flag, option, require_between, shared
 from harness.execution.progress import Progress
 from scenes.files.errors import InputError
+from scenes.files.json_object import JsonObject
 
 DOCTOR: Options = {
     "--json": flag("print one JSON list instead of lines"),
@@ -47,12 +49,9 @@ def run_doctor(options: argparse.Namespace, show: Progress) -> int:
 
 def try_device(options: argparse.Namespace, show: Progress) -> int:
     """Write the report of a device, section by section; exit code 3 if it does not do what the processor does."""
-    import tempfile
-
     from harness.machine.device import chosen_device
     from harness.records.json_record import write_json
     from harness.studies.devices.device_report import DeviceContext, faults, sections
-    from scenes.files.json_object import JsonObject
 
     options.minutes = 10.0 if options.minutes is None else options.minutes
     require_between(options, minutes=(0.0, 600.0))

@@ -40,8 +40,8 @@ MACHINE_OPTIONS: Options = {
 def device_and_bfloat16(
     options: argparse.Namespace, say: Callable[[str], None] = lambda line: None
 ) -> "tuple[torch.device, bool]":
-    """Return the device that cells train on, and whether it has units for bfloat16, from the options of any command
-    with `--device`; reports the hardware of a cluster. Raises `InputError` without such a device or cluster.
+    """Return the device that cells train on, and whether it has units for bfloat16; reports the hardware of a cluster.
+    Raises `InputError` without such a device or cluster.
     """
     import torch
 

@@ -19,7 +19,9 @@ from harness.command import settings_commands as settings
 from harness.command import study_commands as study
 from harness.command.options import Command, add_options
 from harness.execution.executors import leave
+from harness.execution.progress import chosen_progress
 from harness.machine.wait_policy import wait_policy
+from scenes.files.errors import DamagedRecord, InputError, as_text, readable
 from scenes.files.installed import packages_needed
 from scenes.files.standard_output import go_on_unheard
 from scenes.files.stopping import stop_on_signals
@@ -71,34 +73,28 @@ def parsed(arguments: list[str], program: str = "python -m harness") -> argparse
 def main(arguments: list[str], program: str = "python -m harness") -> int:
     """Return 0 done · 1 a bug · 2 bad usage or input · 3 a cell diverged or failed · 4 a gate failed · 130 stopped."""
     options = parsed(arguments, program)
-    # after the parsing, so that --help and a mistyped option are answered at once
-    from harness.execution.progress import chosen_progress
-    from scenes.files.errors import DamagedRecord, InputError, as_text, readable
-
     show = chosen_progress(getattr(options, "quiet", False) or getattr(options, "dry_run", False))
+
+    def ended(why: str, code: int) -> int:
+        show.close()
+        print(why, file=sys.stderr)
+        return code
+
     try:
         options.line = as_text(shlex.join(["python", "-m", "harness", *arguments]))
         return COMMANDS[options.command].call(options, show)
     except (InputError, DamagedRecord) as mistake:
-        show.close()
-        print(f"error: {mistake}", file=sys.stderr)
-        return 2
+        return ended(f"error: {mistake}", 2)
     except OSError as error:
         if error.errno in (errno.EMFILE, errno.ENFILE):
-            show.close()
-            print("error: no more files may be opened; allow more (ulimit -n 1024), then --resume", file=sys.stderr)
-            return 2
+            return ended("error: no more files may be opened; allow more (ulimit -n 1024), then --resume", 2)
         names = (errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR, errno.EISDIR, errno.EPERM, errno.EEXIST, errno.EIO)
         if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, *names):
             raise
-        show.close()
-        print(f"error: {readable(str(error.filename))}: {error.strerror}; repair that, then --resume", file=sys.stderr)
-        return 2
+        return ended(f"error: {readable(str(error.filename))}: {error.strerror}; repair that, then --resume", 2)
     except KeyboardInterrupt as stop:
-        show.close()
         left = "finished cells are kept; use --resume and --out" if "resume" in options else "nothing is kept"
-        print(f"interrupted: {str(stop) or left}", file=sys.stderr)
-        return 130
+        return ended(f"interrupted: {str(stop) or left}", 130)
     finally:
         show.close()
         leave()

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from harness.execution.progress import Progress
+from scenes.files.errors import InputError
 
 Options = dict[str, dict[str, Any]]
 """Names of an option, or of a positional argument → the keyword arguments of `add_argument`."""
@@ -25,13 +26,13 @@ class Command(NamedTuple):
 
 
 def option(
-    help: str = "",
+    help: str,
     metavar: str | tuple[str, ...] | None = None,
     type: Callable[[str], object] | None = None,
     **more: object,
 ) -> dict[str, Any]:
     """Return keyword arguments of `add_argument`; `SHARED` has defaults for options of the same name."""
-    given = {"help": help or None, "metavar": metavar, "type": type}
+    given = {"help": help, "metavar": metavar, "type": type}
     return {name: value for name, value in given.items() if value is not None} | more
 
 
@@ -76,24 +77,18 @@ def add_options(command: argparse.ArgumentParser, options: Options) -> None:
 
 def require_folder(out: Path) -> None:
     """Raise `InputError` for an `--out` that is a file."""
-    from scenes.files.errors import InputError
-
     if out.exists() and not out.is_dir():
         raise InputError(f"--out {out}: is a file; name a folder")
 
 
 def reported(out: Path, quiet: bool = True) -> int:
-    """Write the page of `out` in another process, as a page is made only from records; returns the exit code. Unless
-    `quiet`, that process also prints the verdict.
-    """
+    """Write the page of `out` in another process, which has only its records, and unless `quiet` prints the verdict."""
     words = [str(out), "--quiet"] if quiet else [str(out)]
     return subprocess.run([sys.executable, "-m", "reports", *words], check=False).returncode
 
 
 def require_between(options: argparse.Namespace, **bounds: tuple[float, float]) -> None:
     """Raise `InputError` for a given option that is not finite or not between its bounds."""
-    from scenes.files.errors import InputError
-
     for name, (least, most) in bounds.items():
         value = getattr(options, name, None)
         if value is not None and not (math.isfinite(value) and least <= value <= most):

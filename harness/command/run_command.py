@@ -199,20 +199,18 @@ def _at_once(machine: "Machine") -> str:
 
 
 def run_tensorboard(options: argparse.Namespace, show: Progress) -> int:
-    """Write every cell that has a record; raises `InputError` without such a cell or without tensorboard."""
     from harness.records.cells import read_cells
     from harness.run_folder.board import require_tensorboard, write_board
 
     require_tensorboard("tensorboard")
-    count = 0
-    for cell in read_cells(options.run):
+    cells = list(read_cells(options.run))
+    for cell in cells:
         write_board(options.run, cell)
-        count += 1
-    if not count:
+    if not cells:
         raise InputError(
             f"{options.run}: holds no cell of a run; give the output folder of a run, for instance out/latest"
         )
-    show.line(f"{count} cells written; view them with: tensorboard --logdir {options.run / 'tensorboard'}")
+    show.line(f"{len(cells)} cells written; view them with: tensorboard --logdir {options.run / 'tensorboard'}")
     return 0
 
 

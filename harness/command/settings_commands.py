@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, TypeVar
 from harness.command.options import Command, Options, flag, option, require_between, shared
 from harness.command.plan_options import PLAN_OPTIONS, planned_by
 from harness.execution.progress import Progress
+from scenes.files.atomic import require_suffix
+from scenes.files.errors import InputError
 from scenes.files.json_object import JsonObject
 
 if TYPE_CHECKING:
@@ -46,7 +48,6 @@ def run_sweep(options: argparse.Namespace, show: Progress) -> int:
 
     plan, device = planned_by(options)
     plan = plan.with_validation_views()
-    workers = _workers(device)
 
     def line(row: SweepRow) -> str:
         tried = row.tried
@@ -56,9 +57,7 @@ def run_sweep(options: argparse.Namespace, show: Progress) -> int:
         score = f"{_decibels(row.psnr_val)} on validation views"
         return f"{row.scene} {row.method}, {tried.optimiser} at {rate}, {where}: {score}"
 
-    folders = _folders(options, plan, show)
-    rows = _shown(sweep(plan, folders, options.out.parent, workers, device.type, _kept(options)), line, show)
-    result = _written(options.out, as_json(rows, plan))
+    result = _written(options.out, as_json(_rows(options, show, sweep, plan, device, line), plan))
     show.line(f"best: {result['means'][0]}; of each method {result['best']}")
     return 0
 
@@ -76,9 +75,7 @@ def run_families(options: argparse.Namespace, show: Progress) -> int:
         score = row.why or f"{_decibels(row.psnr_val)} on validation views after {row.steps} steps"
         return f"{row.family}, {row.trial} ({what}), {row.scene}: {score}"
 
-    folders = _folders(options, plan, show)
-    workers = _workers(device)
-    rows = _shown(search(plan, folders, options.out.parent, workers, device.type, _kept(options)), line, show)
+    rows = _rows(options, show, search, plan, device, line)
     for family, means in _written(options.out, as_json(rows, plan, provenance(device)))["means"].items():
         scores = [f"{trial} {'no score' if mean is None else f'{mean:.2f} dB'}" for trial, mean in means.items()]
         show.line(f"{family}: {', '.join(scores)}")
@@ -86,11 +83,9 @@ def run_families(options: argparse.Namespace, show: Progress) -> int:
 
 
 def run_constants(options: argparse.Namespace, show: Progress) -> int:
-    """Search constants; raises `InputError` for a method without constants, and for a budget other than steps."""
     from harness.machine.provenance import provenance
     from harness.records.json_record import write_json
     from harness.studies.choices.constants import READINGS, ConstantsRow, as_json, best_of, read_rows, search
-    from scenes.files.errors import InputError
 
     options.methods = options.methods or list(READINGS)
     plan, device = planned_by(options)
@@ -99,7 +94,6 @@ def run_constants(options: argparse.Namespace, show: Progress) -> int:
         raise InputError(f"--methods: {unknown[0]} has no constants to search; known: {' '.join(READINGS)}")
     if plan.budget.steps is None:
         raise InputError("constants: trains for equal steps; leave out --budget-seconds and --budget-core-seconds")
-
     require_between(options, best=(1, 8))
     carried = best_of(read_rows(options.carry), plan.methods, options.best) if options.carry else None
 
@@ -149,11 +143,26 @@ def run_omissions(options: argparse.Namespace, show: Progress) -> int:
     return 3 if too_costly(omissions) else 0
 
 
+def _rows(
+    options: argparse.Namespace,
+    show: Progress,
+    search: Callable[..., Iterable[Row]],
+    plan: "Plan",
+    device: "torch.device",
+    line: Callable[[Row], str],
+) -> list[Row]:
+    """Train what a search tries, and show a line of each row."""
+    folders = _folders(options, plan, show)
+    rows: list[Row] = []
+    for row in search(plan, folders, options.out.parent, _workers(device), device.type, _kept(options)):
+        rows.append(row)
+        show.line(line(row))
+    return rows
+
+
 def _folders(options: argparse.Namespace, plan: "Plan", show: Progress) -> dict[str, Path]:
     """Return the view sets of `plan`, rendered if missing; raises `InputError` if `--out` cannot be a file."""
     from harness.execution.ground_truth import view_set_folders
-    from scenes.files.atomic import require_suffix
-    from scenes.files.errors import InputError
 
     require_suffix(options.out, ".json", "--out")
     if not options.out.parent.is_dir():
@@ -177,14 +186,6 @@ def _kept(options: argparse.Namespace) -> Path:
 
 def _cells_of(file: Path) -> Path:
     return file.with_name(f"{file.name}.cells")
-
-
-def _shown(rows: Iterable[Row], line: Callable[[Row], str], show: Progress) -> list[Row]:
-    kept = []
-    for row in rows:
-        kept.append(row)
-        show.line(line(row))
-    return kept
 
 
 def _decibels(psnr: float | None) -> str:

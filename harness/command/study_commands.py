@@ -1,7 +1,6 @@
 """`python -m harness study evidence | frontier | stability | speed | serving | conformance`."""
 
 import argparse
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +14,6 @@ from harness.plan.names import known_names
 from scenes.files.errors import InputError
 
 if TYPE_CHECKING:
-    from harness.plan.run_plan import Machine
     from harness.studies.framework import Shelf, StudyContext
 
 
@@ -76,7 +74,7 @@ CONFORMANCE: Options = {
 def _listed(shelf: "Shelf") -> int:
     from harness.studies.framework import list_lines
 
-    sys.stdout.write("\n".join(list_lines(shelf)) + "\n")
+    print(*list_lines(shelf), sep="\n")
     return 0
 
 
@@ -85,13 +83,15 @@ def _measure(
     show: Progress,
     shelf: "Shelf",
     context: "Callable[..., StudyContext]",
-    machine: "Machine",
+    machine: tuple[str, int, int],
     *own: object,
     afterwards: Callable[[Path], None] | None = None,
 ) -> int:
     """Measure the studies that `options` name, in a locked folder; return the exit code. Raises `InputError`. `context`
-    takes the fields of `StudyContext` and its `own`; `afterwards` is called before the folder is unlocked.
+    takes the fields of `StudyContext` and its `own`, `machine` the device and the numbers of workers and threads;
+    `afterwards` is called before the folder is unlocked.
     """
+    from harness.plan.run_plan import Machine
     from harness.run_folder.folder_lock import locked_folder
     from harness.run_folder.output_folder import fresh_folder
     from harness.studies.framework import run
@@ -101,7 +101,7 @@ def _measure(
     chosen = known_names("--studies", options.studies or list(shelf.studies), list(shelf.studies))
     out = options.out or fresh_folder(shelf.name, resume=False)
     with locked_folder(out):
-        made = context(out, options.view_sets, out, options.quick, show, machine, *own)
+        made = context(out, options.view_sets, out, options.quick, show, Machine(*machine), *own)
         code = run(shelf, [name for name in shelf.studies if name in chosen], made, options.resume)
         if afterwards is not None:
             afterwards(out)
@@ -116,11 +116,10 @@ def run_evidence(options: argparse.Namespace, show: Progress) -> int:
     if options.list:
         return _listed(SHELF)
     from harness.machine.device import available_cores, chosen_device, multiplies_bfloat16
-    from harness.plan.run_plan import Machine
     from harness.studies.evidence.evidence_context import EvidenceContext
 
     device = chosen_device(options.device)
-    machine = Machine(device.type, options.workers or (available_cores() if device.type == "cpu" else 1), 1)
+    machine = device.type, options.workers or (available_cores() if device.type == "cpu" else 1), 1
     return _measure(options, show, SHELF, EvidenceContext, machine, multiplies_bfloat16(device))
 
 
@@ -144,7 +143,6 @@ def run_frontier(options: argparse.Namespace, show: Progress) -> int:
         return _listed(SHELF)
     from baselines.catalog import CATALOG
     from harness.machine.device import available_cores, chosen_device, multiplies_bfloat16
-    from harness.plan.run_plan import Machine
     from harness.studies.frontier.frontier_context import AMOUNTS, FrontierContext
     from scenes.catalog.entries import CATALOG as SCENES
 
@@ -160,8 +158,8 @@ def run_frontier(options: argparse.Namespace, show: Progress) -> int:
         given["seeds"] = given["phi_seeds"] = tuple(range(options.seeds))
     amount = AMOUNTS["quick" if options.quick else "long" if options.long else "default"]
     amount = replace(amount, **{name: value for name, value in given.items() if value})
-    machine, as_planned = Machine("cpu", available_cores(), 1), multiplies_bfloat16(chosen_device("cpu"))
-    return _measure(options, show, SHELF, FrontierContext, machine, as_planned, amount)
+    as_planned = multiplies_bfloat16(chosen_device("cpu"))
+    return _measure(options, show, SHELF, FrontierContext, ("cpu", available_cores(), 1), as_planned, amount)
 
 
 def run_stability(options: argparse.Namespace, show: Progress) -> int:
@@ -171,12 +169,11 @@ def run_stability(options: argparse.Namespace, show: Progress) -> int:
         return _listed(SHELF)
     from baselines.catalog import CATALOG
     from harness.machine.device import available_cores
-    from harness.plan.run_plan import Machine
     from harness.studies.stability.stability_context import METHODS, StabilityContext
 
     methods = known_names("--methods", options.methods or list(METHODS), list(CATALOG))
-    machine = Machine("cpu", available_cores(), available_cores())
-    return _measure(options, show, SHELF, StabilityContext, machine, methods)
+    cores = available_cores()
+    return _measure(options, show, SHELF, StabilityContext, ("cpu", cores, cores), methods)
 
 
 def run_speed(options: argparse.Namespace, show: Progress) -> int:
@@ -187,12 +184,11 @@ def run_speed(options: argparse.Namespace, show: Progress) -> int:
         return _listed(SHELF)
     from harness.machine.device import available_cores, chosen_device
     from harness.machine.processor_class import class_here
-    from harness.plan.run_plan import Machine
     from harness.studies.speed.speed_context import SpeedContext
 
     seconds = options.plain_seconds or (QUICK_PLAIN_SECONDS if options.quick else PLAIN_SECONDS)
     # the sizes of `quick` gain nothing from threads, which wait for each other on a busy machine
-    machine = Machine(chosen_device(options.device).type, 1, 1 if options.quick else available_cores())
+    machine = chosen_device(options.device).type, 1, 1 if options.quick else available_cores()
 
     def append_to_history(out: Path) -> None:
         if not options.quick:
@@ -208,7 +204,6 @@ def run_serving(options: argparse.Namespace, show: Progress) -> int:
     if options.list:
         return _listed(SHELF)
     from harness.machine.device import chosen_device
-    from harness.plan.run_plan import Machine
     from harness.playback.run_loader import FinishedRun
     from harness.studies.serving.serving_context import ServingContext
 
@@ -217,7 +212,7 @@ def run_serving(options: argparse.Namespace, show: Progress) -> int:
     if options.seed not in finished.run.seeds:
         known = " ".join(map(str, finished.run.seeds))
         raise InputError(f"--seed {options.seed}: the run does not have it; it has {known}")
-    machine = Machine(chosen_device(options.device).type, 1, options.threads)
+    machine = chosen_device(options.device).type, 1, options.threads
     own = finished, scenes, methods, options.seed, options.width
     return _measure(options, show, SHELF, ServingContext, machine, *own)
 
@@ -231,10 +226,8 @@ def run_conformance(options: argparse.Namespace, show: Progress) -> int:
     from harness.studies.conformance.subject import Subject
 
     if options.list:
-        for line in methods_lines():
+        for line in (*methods_lines(), *(f"check   {name}: {meaning(name)}" for name in CHECKS)):
             show.line(line)
-        for name in CHECKS:
-            show.line(f"check   {name}: {meaning(name)}")
         return 0
     if not options.methods:
         raise InputError("conformance: name at least one method; --list prints them")

@@ -17,6 +17,7 @@ from harness.execution.ground_truth import is_cached, rendering_seconds
 from harness.execution.progress import SPREAD, Range, span
 from harness.machine.device import keep_freed_memory, use_threads
 from harness.machine.stopping import in_workers
+from harness.machine.stopwatch import Stopwatch
 from harness.plan.run_plan import Machine, Plan
 from harness.plan.schedule import Budget
 from harness.plan.seeds import generator_for
@@ -40,8 +41,6 @@ FEW, GROWTH, REPEATS = 64, 8, 3
 """The rays of the first try, the factor of rays from one try to the next, and the number of runs with all rays."""
 LONGEST = 1.5
 """The maximum seconds of a measurement; a longer one is extrapolated from fewer rays."""
-Groups = list[tuple[str, ...]]
-"""The methods of each group that has missing cells."""
 
 
 @dataclass(frozen=True)
@@ -66,8 +65,6 @@ class Pace:
 
 @dataclass(frozen=True)
 class Paces:
-    """The measurements for a plan."""
-
     of: dict[str, Pace]
     untried: dict[str, str]
     """Map method → why it could not be tried."""
@@ -105,9 +102,8 @@ def estimate(plan: Plan, machine: Machine, view_sets: Path, verify: bool, before
 
 def _reading(path: Path, views: ViewSettings) -> tuple[int, float]:
     """Return the number of images of a view set, and the seconds of decoding them, measured on one image."""
-    source = source_of(path)
-    splits = [(source.frames("train"), views.train), (source.frames("test"), views.test)]
-    files = [file for frames, count in splits if frames is not None for file in frames.files[:count]]
+    source, counts = source_of(path), {"train": views.train, "test": views.test}
+    files = [file for split in counts if (frames := source.frames(split)) for file in frames.files[: counts[split]]]
     if not files:
         raise InputError(f"{path}: has no training and no test view")
     began = time.process_time()
@@ -116,29 +112,27 @@ def _reading(path: Path, views: ViewSettings) -> tuple[int, float]:
 
 
 def _missing(plan: Plan, view_sets: Path) -> int:
-    """Return the number of scenes that are still to be rendered."""
     rendered = () if plan.view_set or plan.scene_file else plan.scenes
     return sum(not is_cached(scene, plan.views, view_sets) for scene in rendered)
 
 
-def groups_left(plan: Plan, before: Path | None) -> Groups:
+def groups_left(plan: Plan, before: Path | None) -> list[tuple[str, ...]]:
     """Return the methods of each group with a cell that has not ended in the output folder `before`, if any."""
 
-    def is_there(scene: str, method: str, seed: int) -> bool:
-        path = cell_path(before, scene, method, seed) if before is not None else None
+    def has_ended(scene: str, method: str, seed: int) -> bool:
         try:
-            return path is not None and path.exists() and read_cell(path).status in ENDED
-        except DamagedRecord:
+            return before is not None and read_cell(cell_path(before, scene, method, seed)).status in ENDED
+        except DamagedRecord:  # or missing
             return False
 
     groups = plan.groups().items()
-    left = [methods for (scene, seed), methods in groups if not all(is_there(scene, name, seed) for name in methods)]
+    left = [methods for (scene, seed), methods in groups if not all(has_ended(scene, name, seed) for name in methods)]
     # Gaussians that are given take no time
-    return left + [() for key in plan.guest_cells() if not is_there(*key)]
+    return left + [() for key in plan.guest_cells() if not has_ended(*key)]
 
 
 def estimate_from(
-    plan: Plan, machine: Machine, paces: Paces, groups: Groups, missing: int, *, verify: bool
+    plan: Plan, machine: Machine, paces: Paces, groups: list[tuple[str, ...]], missing: int, *, verify: bool
 ) -> CostEstimate:
     """Return the estimate for `groups` of cells and `missing` view sets; with `verify`, omissions are measured too."""
     tried = [[paces.of[name] for name in methods if name in paces.of] for methods in groups]
@@ -186,7 +180,6 @@ def training_seconds(plan: Plan, pace: Pace) -> float:
 
 
 def scoring_seconds(plan: Plan, pace: Pace, paces: Paces) -> float:
-    """Return the scoring seconds of a cell at its checkpoints and at its end."""
     score, views = plan.score, plan.views
     at_checkpoints = score.rendered(views.test)
     rendered = at_checkpoints + score.train_views + 2
@@ -214,7 +207,7 @@ def measure_paces(plan: Plan, device: torch.device, threads: int) -> Paces:
     use_threads(threads)
     keep_freed_memory()
     clock = time.process_time if device.type == "cpu" and threads == 1 else time.perf_counter
-    wall = busy = start = 0.0
+    start, watch = 0.0, Stopwatch(torch.device("cpu"))
     paces: dict[str, Pace] = {}
     untried: dict[str, str] = {}
     box = Box(-torch.ones(3, device=device), torch.ones(3, device=device))
@@ -225,19 +218,16 @@ def measure_paces(plan: Plan, device: torch.device, threads: int) -> Paces:
             learner = learner_for(Job(method, box, train, Budget(1, None), "cost", device))
             learner.warm_up(*_batch(plan, FEW, learner))
             start = start or time.process_time()  # the preparation that each worker needs too
-            began = time.perf_counter(), time.process_time()
-            paces[method] = _pace(learner, plan, clock)
-            wall, busy = wall + time.perf_counter() - began[0], busy + time.process_time() - began[1]
+            with watch.running():
+                paces[method] = _pace(learner, plan, clock)
         except (Diverged, InputError, ValueError, TypeError, RuntimeError) as error:
             untried[method] = " ".join(str(error).split())[:200]
-    delayed = wall / busy if clock is time.process_time and busy > 0 else 1.0
+    delayed = watch.seconds / watch.core_seconds if clock is time.process_time and watch.core_seconds > 0 else 1.0
     return Paces(paces, untried, start, _compared_seconds(plan.views.resolution, clock), max(1.0, delayed))
 
 
 def _batch(plan: Plan, count: int, learner: Learner) -> tuple[Rays, torch.Tensor]:
-    """Return rays through random pixels, of which the usual share misses the box, and random colours; the rays of one
-    view for a learner of whole views.
-    """
+    """Return random colours, and rays through random pixels, as many of which miss the box as usual."""
     poses, width, generator = camera_to_world("train"), plan.views.resolution, generator_for("cost", count)
     focal = float(0.5 * width / np.tan(0.5 * FOV_X_RADIANS))
     cameras = Cameras.of(poses, width, width, focal, RADIUS - 2.0, RADIUS + 2.0)
@@ -258,9 +248,8 @@ def _pace(learner: Learner, plan: Plan, clock: Callable[[], float]) -> Pace:
         learner.step = plan.train.grid.first_step + 1  # later bins, and no refresh of the grid
         step(count)
 
-    rays, chunk = plan.train.rays, plan.score.chunk
-    if learner.whole_views:
-        rays = chunk = plan.views.resolution**2
+    of_view = plan.views.resolution**2
+    rays, chunk = (of_view, of_view) if learner.whole_views else (plan.train.rays, plan.score.chunk)
 
     def per_ray() -> float:
         return seconds_of(lambda count: learner.render(batch(count)[0], count), chunk, learner.device, clock) / chunk
@@ -299,8 +288,8 @@ def _pace_in_turns(learner: Learner, batch_at: Callable[[int], Batch]) -> Pace:
 
 
 def seconds_of(work: Callable[[int], object], rays: int, device: torch.device, clock: Callable[[], float]) -> float:
-    """Return the median seconds of `work` on `rays` rays, extrapolated if that takes long from the largest fast try: a
-    GPU takes the same time for a few rays as for thousands.
+    """Return the median seconds of `work` on `rays` rays; if that takes long, extrapolated from the largest fast try,
+    as a GPU takes the same time for a few rays as for thousands.
     """
 
     def once(count: int) -> float:

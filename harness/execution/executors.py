@@ -16,9 +16,8 @@ def run_groups(
     tasks: "list[GroupTask]",
     commit: str,
     locally: "Callable[..., Iterator[Event]]",
-    arriving: "Arriving | None" = None,
+    arriving: "Arriving | None",
 ) -> "Iterator[Event]":
-    """Run the groups, on this machine also those that arrive."""
     if machine.executor == "ray":
         from harness.execution.ray_executor import run_on_ray
 

@@ -37,7 +37,7 @@ def scenes_output(*words: str, **options: object) -> str:
     Raises `InputError` with its error output, and `RuntimeError` if it fails otherwise.
     """
     command = [sys.executable, "-m", "scenes", *words]
-    command += [word for name, value in options.items() for word in (f"--{name}", str(value))]
+    command += _words({f"--{name}": value for name, value in options.items()})
     ended = subprocess.run(command, capture_output=True, text=True, check=False)
     if ended.returncode < 0:
         ended = subprocess.run([*command, "--variant", "scalar_rgb"], capture_output=True, text=True, check=False)
@@ -104,9 +104,7 @@ def render_view_sets(
     missing = list(scenes)
     if scene_file is not None and limit is None:
         limit = usual_limit(views)
-    integrator = _forced_integrator(views)
-    options = {"--integrator": integrator, "--threads": threads}
-    how = [*sizes_of(views), *(word for name, value in options.items() if value for word in (name, str(value)))]
+    how = [*sizes_of(views), *_words({"--integrator": _forced_integrator(views), "--threads": threads})]
     for variant in ([], ["--variant", "scalar_rgb"]):
         named = missing if scene_file is None else ["--scene-file", scene_file]
         try:
@@ -142,17 +140,15 @@ class Arriving:
     def __init__(
         self, plan: Plan, cache: Path, machine: Machine, ready: Callable[[str, Path], list[GroupTask]]
     ) -> None:
-        """Begin to render or check the view sets; `ready` is called once for each complete one, in the thread that
-        receives its arrival, and returns its groups.
-        """
+        """Begin to render or check the view sets; `ready` returns the groups of each complete one, in `receive`."""
         self._places = max(1, machine.workers // 2)
         """The number of workers in whose place the renderer runs."""
         self._ready = ready
         self._order = {group: place for place, group in enumerate(plan.groups())}
         threads = self._places * machine.threads if machine.workers > 1 else available_cores()
-        self.connection, self._sending = multiprocessing.Pipe(duplex=False)
+        self.connection, sending = multiprocessing.Pipe(duplex=False)
         self._stopped = threading.Event()
-        self._thread = threading.Thread(target=self._send, args=(plan, cache, threads), daemon=True)
+        self._thread = threading.Thread(target=self._send, args=(sending, plan, cache, threads), daemon=True)
         self._thread.start()
 
     @property
@@ -176,8 +172,7 @@ class Arriving:
         self._stopped.set()
         self.connection.close()
 
-    def _send(self, plan: Plan, cache: Path, threads: int) -> None:
-        sending: Connection = self._sending
+    def _send(self, sending: Connection, plan: Plan, cache: Path, threads: int) -> None:
         events = render_view_sets(plan.scenes, plan.views, cache, threads=threads)
         try:
             for event in events:
@@ -232,16 +227,18 @@ BEAT_SECONDS = 15.0
 
 
 class _Aborted(RuntimeError):
-    """A signal ended the process of the renderer."""
+    """A signal ended the renderer."""
 
 
 def sizes_of(views: ViewSettings) -> list[str]:
     """Return the options of `python -m scenes render` for the number and size of views."""
     names = ("resolution", "train", "val", "test", "spp_train", "spp_test")
-    words = [word for name in names for word in (f"--{name.replace('_', '-')}", str(getattr(views, name)))]
-    ceilings = {"train": views.ceiling_train_db, "test": views.ceiling_test_db}
-    given = ((f"--ceiling-{split}", str(db)) for split, db in ceilings.items() if db is not None)
-    return [*words, *(word for pair in given for word in pair)]
+    sizes = {f"--{name.replace('_', '-')}": getattr(views, name) for name in names}
+    return _words({**sizes, "--ceiling-train": views.ceiling_train_db, "--ceiling-test": views.ceiling_test_db})
+
+
+def _words(options: dict[str, object]) -> list[str]:
+    return [word for name, value in options.items() if value is not None for word in (name, str(value))]
 
 
 def _render(
@@ -288,8 +285,8 @@ def _render(
 
 
 def _messages(process: "subprocess.Popen[str]", beat: float) -> Iterator[JsonObject | None]:
-    """Yield the renderer's messages until they end, and None after each `beat` seconds without one. After its end a
-    child process may keep its pipe open: messages then end after two beats without one.
+    """Yield the renderer's messages, and None after each `beat` seconds without one; after its end, when a child
+    process may keep its pipe open, until two beats without one.
     """
     messages: queue.Queue[JsonObject | None] = queue.Queue()
     output = process.stdout

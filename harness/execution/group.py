@@ -5,7 +5,14 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import torch
+
+from harness.execution.ground_truth import read_views
+from harness.machine.device import keep_freed_memory, use_threads
+from harness.machine.provenance import provenance
 from harness.plan.group_task import GroupTask
+from harness.plan.needed import for_scene
+from harness.plan.plugins import origins, require_methods
 from harness.records.cells import CellRecord, cell_path, empty_cell, with_files, write_cell
 from harness.records.snapshot import drop_ended
 from scenes.files.errors import InputError
@@ -18,17 +25,9 @@ def run_group(
     placed: dict[str, object] | None = None,
     on_notice: Callable[[str], None] = lambda text: None,
 ) -> None:
-    """Train, score and write every method of the group; a program error ends in records of status `error`. `placed`
-    holds the executor's facts for the provenance: `own_cores`, `cores`, `node`, … Raises `OSError` if a record cannot
-    be written.
+    """Train, score and write every method of the group; a program error ends in records of status `error`. `placed` is
+    what provenance tells of the executor. Raises `OSError` if a record cannot be written.
     """
-    import torch
-
-    from harness.execution.ground_truth import read_views
-    from harness.machine.device import keep_freed_memory, use_threads
-    from harness.machine.provenance import provenance
-    from harness.plan.needed import for_scene
-    from harness.plan.plugins import origins, require_methods
     from harness.training.cell_training import content_of
     from harness.training.lockstep import train_group
 

@@ -13,9 +13,7 @@ from harness.records.cells import CellRecord
 
 @dataclass(frozen=True)
 class Event:
-    """An event of a group: training advanced, a cell ended, or there is a note for the user. Or the renderer advanced,
-    which concerns no group.
-    """
+    """Training of a group advanced, a cell ended, or there is a notice; or the renderer advanced, of no group."""
 
     task: GroupTask | None
     share: float | None = None
@@ -43,7 +41,7 @@ class End:
     lost: str | None = None
     """The reason if some of its cells have not ended."""
     refused: bool = False
-    """Whether it was not begun, so that another worker may take it."""
+    """Whether it was not begun, for that reason, so that another worker may take it."""
 
 
 News = float | str | CellRecord | End

@@ -12,15 +12,10 @@ from harness.execution.ground_truth import Arrival, Arriving
 from harness.execution.group import run_group
 from harness.execution.group_loop import Attempt, End, Event, News, run_at
 from harness.machine.cores import own_cores
-from harness.machine.device import gpu_masks
+from harness.machine.device import available_cores, gpu_masks
 from harness.machine.provenance import changed_since, code_here, versions
 from harness.machine.stopping import end_with_parent
 from harness.plan.group_task import GroupTask
-
-
-@dataclass(frozen=True)
-class _Refusal:
-    reason: str
 
 
 @dataclass
@@ -34,10 +29,9 @@ class _Worker:
 def run_locally(tasks: list[GroupTask], workers: int, arriving: Arriving | None = None) -> Iterator[Event]:
     """Run all tasks and those that arrive, at most `workers` at a time, on separate cores and GPUs if there are enough.
 
-    If a worker dies, the unfinished methods of its group are trained one at a time; a method that ends its worker again
-    is recorded as an error. A worker that finds changed sources refuses its group, which goes to another worker, or is
-    recorded as an error if none is left. Raises the `OSError` of a worker that cannot write its records. Closing the
-    generator (Ctrl-C) ends the workers at once; finished cells are on disk.
+    If a worker dies, the unfinished methods of its group are trained one at a time; one that ends its worker again is
+    recorded as an error. A worker that finds changed sources refuses its group, which another takes, or is recorded as
+    an error if none is left. Raises the `OSError` of a worker that cannot write its records.
     """
     return run_at(_Workers(workers, arriving), tasks) if tasks or arriving else iter(())
 
@@ -104,11 +98,11 @@ class _Workers:
                 message = End(f"the worker process ended with {_ending(worker.process.exitcode)}")
             if isinstance(message, OSError):
                 raise message
-            if isinstance(message, _Refusal):  # it would refuse any task
-                self._drop(worker)
-                self._workers, self.refusal, message = self._workers - 1, message.reason, End(refused=True)
             if isinstance(message, End):
                 worker.attempt = None
+                if message.refused:  # it would refuse any task
+                    self._drop(worker)
+                    self._workers, self.refusal = self._workers - 1, message.lost or ""
             yield attempt, message
 
     def again(self, attempt: Attempt, lost: str, missing: tuple[str, ...]) -> tuple[list[Attempt], str]:
@@ -141,10 +135,9 @@ def _work(
     os.environ.update(gpu)
     if wrong := _other_code(known):
         connection.recv()
-        connection.send(_Refusal(f"the sources changed during the run ({wrong}); start it again with --resume"))
+        reason = f"the sources changed during the run ({wrong}); start it again with --resume"
+        connection.send(End(reason, refused=True))
     else:
-        from harness.machine.device import available_cores  # after the environment: torch looks for GPUs only once
-
         machine = available_cores()
         with own_cores(threads) as cores:
             _serve(connection, {**origin, "cores": machine, "own_cores": cores})

@@ -46,9 +46,7 @@ def _rounded(value: float) -> str:
 
 
 class TimeLeft:
-    """An estimate from the pace since the first report, which comes after processes have started and data are read. The
-    work has `total` units in pieces; work on a piece before its first report does not count for the pace.
-    """
+    """An estimate for `total` units in pieces, from the pace of each since its first report: it then has begun."""
 
     def __init__(self, total: float = 1.0) -> None:
         self._total, self._kept, self._began = total, 0.0, 0.0
@@ -172,8 +170,13 @@ class Lines(Progress):
             self.line(f"{cell.scene} {cell.method} seed {cell.seed}: {cell.status.upper()}, {cell.reason}")
 
     def group(self, task: "GroupTask") -> None:
-        if cells := self._ended.pop((task.scene, task.seed), None):
-            self.line(group_line(cells))
+        if not (cells := self._ended.pop((task.scene, task.seed), None)):
+            return
+        scores = [f"{cell.method} {_score(cell)}" for cell in sorted(cells, key=lambda cell: cell.method)]
+        line = f"{task.scene} seed {task.seed}: {', '.join(scores)}"
+        if any(cell.spun for cell in cells):
+            line += "; core seconds are too long"
+        self.line(textwrap.fill(line, COLUMNS, subsequent_indent="  ", break_on_hyphens=False))
 
     def part(self, what: str, done: int, total: int) -> None:
         share = done / max(total, 1)
@@ -232,13 +235,13 @@ class Bars(Lines):
 
 
 @contextmanager
-def signs_of_life(what: str, say: Callable[[str], None], every: float = 4.0) -> Iterator[None]:
-    """Say what is done, and again after each `every` seconds until it is."""
+def signs_of_life(what: str, say: Callable[[str], None]) -> Iterator[None]:
+    """Say what is done, and again every four seconds until it is."""
     say(what)
     ended, began = threading.Event(), time.monotonic()
 
     def beat() -> None:
-        while not ended.wait(every):
+        while not ended.wait(4.0):
             say(f"{what}: {time.monotonic() - began:.0f} s")
 
     thread = threading.Thread(target=beat, daemon=True)
@@ -248,16 +251,6 @@ def signs_of_life(what: str, say: Callable[[str], None], every: float = 4.0) -> 
     finally:
         ended.set()
         thread.join()
-
-
-def group_line(cells: "list[CellRecord]") -> str:
-    """Return the scores of the cells of a group that are done."""
-    cells = sorted(cells, key=lambda cell: cell.method)
-    scores = [f"{cell.method} {_score(cell)}" for cell in cells]
-    line = f"{cells[0].scene} seed {cells[0].seed}: {', '.join(scores)}"
-    if any(cell.spun for cell in cells):
-        line += "; core seconds are too long"
-    return textwrap.fill(line, COLUMNS, subsequent_indent="  ", break_on_hyphens=False)
 
 
 def _score(cell: "CellRecord") -> str:

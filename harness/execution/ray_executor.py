@@ -29,25 +29,25 @@ Look = tuple[list[Node], dict[str, float]]
 def run_on_ray(tasks: list[GroupTask], commit: str) -> Iterator[Event]:
     """Run all tasks on the Ray cluster that this process has joined, as far as there is room.
 
-    A group takes `threads` cores, and a GPU if it trains on one. If its node or process dies, it is retried elsewhere
-    without the methods that had ended, with bit-identical results; a program error is recorded and not retried. Raises
-    the `OSError` of a disk that cannot be written, here or on a node, and `InputError` if a node has other packages,
-    none is large enough, or the cluster is lost. Closing the generator (Ctrl-C) cancels running groups; ended cells are
-    on disk.
+    A group takes `threads` cores, and a GPU if it trains on one. If its node or process dies, it is retried elsewhere,
+    with bit-identical results. Raises the `OSError` of a disk that cannot be written, here or on a node, and
+    `InputError` if a node has other packages, none is large enough, or the cluster is lost.
     """
     import ray
+    from ray import exceptions as errors
 
     if not tasks:
         return
     with Head(lambda: (ray.nodes(), ray.available_resources())) as head:
         try:
             yield from run_at(_Cluster(tasks, commit, head), tasks)
-        except ray.exceptions.RayError as error:
-            cause = error.cause if isinstance(error, ray.exceptions.RayTaskError) else error
-            if not isinstance(cause, ray.exceptions.RayError):
+        except errors.RayError as error:
+            cause = error.cause if isinstance(error, errors.RayTaskError) else error
+            if not isinstance(cause, errors.RayError):
                 raise
             why = named(cause)
-            if isinstance(cause, _lost_clusters()):
+            no_answer = errors.RaySystemError, errors.RpcError, errors.LocalRayletDiedError, errors.ActorDiedError
+            if isinstance(cause, no_answer):
                 why = (
                     f"the cluster is lost ({type(cause).__name__}): its head or this node's Ray ended; start Ray again"
                 )
@@ -55,13 +55,6 @@ def run_on_ray(tasks: list[GroupTask], commit: str) -> Iterator[Event]:
         finally:
             if head.is_lost:
                 give_up()
-
-
-def _lost_clusters() -> tuple[type[Exception], ...]:
-    """Return the errors that Ray raises if the cluster does not answer."""
-    from ray import exceptions
-
-    return exceptions.RaySystemError, exceptions.RpcError, exceptions.LocalRayletDiedError, exceptions.ActorDiedError
 
 
 class _Cluster:
@@ -81,7 +74,10 @@ class _Cluster:
 
         listing = self._listings[task.view_set]
         order = GroupOrder(task, attempt.number, listing, versions(), self._commit, _unfinished(task))
-        work = ray.remote(group_on_node).options(**_resources(task))
+        needs = needs_of(task.threads, task.device)  # Ray shows a process its GPU of either vendor
+        reserved = {"num_cpus": needs["CPU"], "num_gpus": needs.get("GPU", 0)}
+        # `run_at` retries, not Ray
+        work = ray.remote(group_on_node).options(**reserved, max_retries=0, scheduling_strategy="SPREAD")
         attempt.handle = work.remote(order, self._mailbox, self._files)
 
     def poll(self, running: list[Attempt]) -> Iterator[tuple[Attempt, News]]:
@@ -140,13 +136,6 @@ def _actors_here(listings: list[Listing]) -> tuple[Handle, Handle]:
     mailbox = ray.remote(Mailbox).options(num_cpus=0, scheduling_strategy=here).remote()
     by_digest = {listing.digest: listing for listing in listings}
     return mailbox, ray.remote(Files).options(num_cpus=0, scheduling_strategy=here, max_concurrency=4).remote(by_digest)
-
-
-def _resources(task: GroupTask) -> dict[str, object]:
-    """Return what Ray reserves; it shows a process its GPU of either vendor. `run_at` retries, not Ray."""
-    needs = needs_of(task.threads, task.device)
-    reserved = {"num_cpus": needs["CPU"], "num_gpus": needs.get("GPU", 0)}
-    return {**reserved, "max_retries": 0, "scheduling_strategy": "SPREAD"}
 
 
 def _unfinished(task: GroupTask) -> dict[str, bytes]:

@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import torch
@@ -37,7 +37,7 @@ from harness.records.cells import (
 )
 from harness.records.snapshot import ENDED, drop_folder
 from harness.records.targets import write_targets
-from harness.run_folder.earlier_run import earlier_run, notices_of, with_measured
+from harness.run_folder.earlier_run import earlier_run, with_measured
 from harness.run_folder.folder_lock import scratch_folder
 from harness.run_folder.phases import Phases
 from harness.verdicts.comparisons import Key, compare
@@ -98,42 +98,40 @@ def run(
     return 0 if complete and not any(scene.costs_more for scene in this.record.scenes) else 3
 
 
+@dataclass
 class _Run:
     """A run's tasks and record, which grow with the view sets that are ready."""
 
-    def __init__(
-        self,
-        plan: Plan,
-        out: Path,
-        machine: Machine,
-        command: str,
-        decoded: Path | None,
-        show: Progress,
-        on_group: Callable[[], None],
-    ) -> None:
-        self.plan, self.out, self.machine, self.show, self.on_group = plan, out, machine, show, on_group
-        self.keys = sorted(plan.cells())
-        self.decoded = decoded
-        self.earlier = earlier_run(out)
+    plan: Plan
+    out: Path
+    machine: Machine
+    command: str
+    decoded: Path | None
+    show: Progress
+    on_group: Callable[[], None]
+
+    def __post_init__(self) -> None:
+        self.keys = sorted(self.plan.cells())
+        self.earlier = earlier_run(self.out)
         self.phases = Phases(self.earlier.phases if self.earlier else {})
         self.tasks: list[GroupTask] = []
         self.folders: dict[str, Path] = {}
         self._read: dict[str, SceneRead] = {}
-        self._command = command
-        self._origin = provenance(torch.device(device_here(machine))) | {"executor": machine.executor}
-        self._origin |= notices_of(self.earlier)
-        self._claims = [measured_at_printed_size(file) for file in plan.claims]
+        self._origin = provenance(torch.device(device_here(self.machine))) | {"executor": self.machine.executor}
+        if self.earlier is not None and self.earlier.provenance.get("notices"):
+            self._origin["notices"] = [*self.earlier.provenance["notices"]]
+        self._claims = [measured_at_printed_size(file) for file in self.plan.claims]
         self.record = self._planned()
 
     def _planned(self) -> RunRecord:
-        """Return the record with the scenes that are ready, in the order of the plan; others are as an earlier part of
-        the run recorded them, so that a resumed run that is killed at once has lost nothing.
+        """Return the record with the scenes that are ready; others are as an earlier part of the run recorded them, so
+        that a resumed run that is killed at once has lost nothing.
         """
         read = [self._read[scene] for scene in self.plan.scenes if scene in self._read]
         scenes = {scene.name: scene for scene in self.earlier.scenes} if self.earlier else {}
         scenes |= {each.record.name: each.record for each in read}
         notes = {each.record.name: each.notes for each in read} if self.plan.view_set else {}
-        record = planned_record(self.plan, self._command, notes)
+        record = planned_record(self.plan, self.command, notes)
         cautions = [f"{each.record.name}: {caution}" for each in read for caution in each.record.cautions]
         return structs.replace(
             record,
@@ -148,7 +146,10 @@ class _Run:
         tasks = self.plan.tasks({scene: folder}, self.machine, self.out)
         tasks = [replace(task, decoded=self.decoded) for task in tasks]
         read = scene_record(tasks[0], self.plan.cells())
-        tasks = [_with_scene(self.plan, task, read) for task in tasks]
+        tasks = [replace(task, content=read.content, hull=read.hull) for task in tasks]
+        if self.plan.given:
+            given = GivenSettings(*self.plan.given[self.plan.scenes.index(scene)], read.focal)
+            tasks = [replace(task, train=replace(task.train, own={**task.train.own, GIVEN: given})) for task in tasks]
         self.folders[scene], self._read[scene] = folder, read
         self.tasks += tasks
         self.record = self._planned()
@@ -197,7 +198,6 @@ class _Run:
         drop_folder(self.out)
 
     def score_given(self) -> None:
-        """Score the Gaussians that are given, with the first seed."""
         _ended_cells(self.out, self.plan.guest_cells())
         due = [task for task in self.tasks if self.plan.given and task.seed == self.plan.seeds[0]]
         given = [replace(task, methods=(GIVEN,), budget=Budget(0, None)) for task in due]
@@ -217,15 +217,6 @@ class _Run:
             if event.task is not None and event.share == 1.0:
                 self.show.group(event.task)
             yield event
-
-
-def _with_scene(plan: Plan, task: GroupTask, read: SceneRead) -> GroupTask:
-    """Return the task with the digest and hull of its view set, and the Gaussians of the scene that are given."""
-    task = replace(task, content=read.content, hull=read.hull)
-    if not plan.given:
-        return task
-    given = GivenSettings(*plan.given[plan.scenes.index(task.scene)], read.focal)
-    return replace(task, train=replace(task.train, own={**task.train.own, GIVEN: given}))
 
 
 def _ended_cells(out: Path, keys: list[Key]) -> list[CellRecord]:

@@ -20,7 +20,6 @@ from harness.training.cell_training import content_of, finished_on
 from harness.training.saved_renders import drop_truth, keep_truth
 from harness.training.scoring.evaluate import floor_psnr
 from harness.training.scoring.metrics import psnr_from_mse
-from scenes.files.json_object import JsonObject
 from scenes.modelling.needs import left_out
 from scenes.view_sets.cautions import cautions
 from scenes.view_sets.visibility import visibility_of
@@ -65,6 +64,7 @@ def scene_record(task: GroupTask, keys: list[tuple[str, str, int]]) -> SceneRead
     manifest = views.rendered
     rows = {row.get("name", row["what"]): row for row in manifest.get("left_out", [])}
     rows = {row["name"]: row for row in left_out(needs_here(task.train, views))} | rows
+    bounds = ("name", "concerns", "bound", "unit")  # which an older manifest lacks
     kept = ("variant", "integrator", "spp", "noise_target", "seconds", "versions", "digest")
     record = SceneRecord(
         name=scene,
@@ -82,12 +82,9 @@ def scene_record(task: GroupTask, keys: list[tuple[str, str, int]]) -> SceneRead
         psnr_ceiling=ceiling,
         psnr_floor=floor_psnr(views),
         rendered={key: manifest[key] for key in kept if key in manifest},
-        left_out=[_left_out(row) for row in rows.values()],
+        left_out=[
+            LeftOut(row["what"], row["reason"], None, None, None, **{key: row[key] for key in bounds if key in row})
+            for row in rows.values()
+        ],
     )
     return SceneRead(record, content_of(views), views.notes, views.focal, views.packed_hull)
-
-
-def _left_out(row: JsonObject) -> LeftOut:
-    """Return an omission of the manifest; an older manifest has no bounds."""
-    known = ("name", "concerns", "bound", "unit")
-    return LeftOut(row["what"], row["reason"], None, None, None, **{key: row[key] for key in known if key in row})

@@ -18,6 +18,8 @@ from uuid import uuid4
 
 from harness.execution.group import missing_methods, run_group
 from harness.execution.group_loop import Attempt, End, Event, News, run_at
+from harness.machine.cores import own_cores
+from harness.machine.device import available_cores, chosen_device, multiplies_bfloat16
 from harness.machine.provenance import differences, processor, versions
 from harness.plan.group_task import GroupTask
 from harness.records.cells import cell_path, read_cell
@@ -52,9 +54,6 @@ class SlurmJob:
 
     def __call__(self) -> str | None:
         """Train the group; return why the node refuses it, or None. Raises `OSError` if files cannot be written."""
-        from harness.machine.cores import own_cores
-        from harness.machine.device import available_cores
-
         if wrong := _wrong_node(self.versions):
             return wrong
         last = 0.0
@@ -91,9 +90,7 @@ class SlurmJob:
 
     def _is_orphan(self) -> bool:
         # both times come from the file server
-        if not self.alive.exists():
-            return True
-        return self.journal.stat().st_mtime - self.alive.stat().st_mtime > ORPHAN_SECONDS
+        return not self.alive.exists() or self.journal.stat().st_mtime - self.alive.stat().st_mtime > ORPHAN_SECONDS
 
 
 def job_parameters(given: list[str]) -> dict[str, object]:
@@ -111,9 +108,7 @@ def job_parameters(given: list[str]) -> dict[str, object]:
 
 
 def executor(folder: Path, threads: int, device: str, given: list[str]) -> Any:
-    """Return submitit's executor: Slurm if `sbatch` is installed, else processes of this machine. Raises `InputError`
-    without submitit, and for a parameter that it does not know.
-    """
+    """Return submitit's executor of Slurm, or without `sbatch` of processes; `InputError` for an unknown parameter."""
     try:
         import submitit
     except ImportError as error:
@@ -132,8 +127,8 @@ def executor(folder: Path, threads: int, device: str, given: list[str]) -> Any:
 
 
 def ask_node(parent: Path, threads: int, device: str, given: list[str]) -> tuple[str, bool, str]:
-    """Ask a job about its node: the device, whether it multiplies bfloat16, and a line on both. Its files are written
-    to the folder `parent` for the time. Raises `InputError` if the node has other packages, or if no job runs.
+    """Ask a job for its device, whether that multiplies bfloat16, and a line on both; its files go to `parent` for the
+    time. Raises `InputError` if the node has other packages, or if no job runs.
     """
     parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=".jobs.", dir=parent, ignore_cleanup_errors=True) as folder:
@@ -147,8 +142,6 @@ def ask_node(parent: Path, threads: int, device: str, given: list[str]) -> tuple
 
 
 def _this_node(driver: dict[str, str], device: str) -> tuple[str, bool, str] | str:
-    from harness.machine.device import chosen_device, multiplies_bfloat16
-
     if wrong := _wrong_node(driver):
         return wrong
     try:
@@ -166,9 +159,8 @@ def _wrong_node(driver: dict[str, str]) -> str | None:
 
 def run_by_submitit(tasks: list[GroupTask], commit: str, at_once: int, given: list[str]) -> Iterator[Event]:
     """Run all tasks as jobs, at most `at_once` of them in the queue. A job that reaches its time limit is queued again
-    and resumes. A job that dies is retried without the methods that had ended, with bit-identical results; a program
-    error is recorded and not retried. Raises `InputError` if a node has other packages or a disk that cannot be
-    written. Closing the generator (Ctrl-C) cancels the jobs; ended cells are on disk.
+    and resumes; one that dies is retried, with bit-identical results. Raises `InputError` if a node has other packages
+    or a disk that cannot be written.
     """
     return run_at(_Queue(tasks[0], commit, at_once, given), tasks) if tasks else iter(())
 

@@ -17,7 +17,6 @@ from harness.gate.gate_context import GateContext, complete
 from harness.gate.gates import STARTS, TOLERANCES, Gate, Start, gates
 from harness.gate.limits import NONE_DIFFERS, Limit, judge
 from harness.gate.references import Course, Courses, References
-from harness.machine.stopping import in_child
 from harness.plan.profiles import PROFILES
 from harness.plan.schedule import Budget
 from harness.plan.settings import TrainSettings
@@ -57,7 +56,6 @@ def _answer(checks: dict[str, Check]) -> str:
 
 @complete("changed", _answer)
 def measure(context: GateContext) -> Iterator[Check]:
-    """Compute the first steps again and compare them with the stored ones."""
     chosen, stored = context.of_kind("changed"), context.references
     if SETTINGS in chosen:
         now = profile_settings()
@@ -92,10 +90,6 @@ def renew(context: GateContext) -> References:
     return structs.replace(context.references, profiles=profile_settings(), courses=context.first_steps())
 
 
-def first_steps() -> Courses:
-    return in_child(courses)
-
-
 def courses(names: tuple[str, ...] = tuple(STARTS)) -> Courses:
     views = disc_views(32, 12, 1, seed=1)  # made without a renderer, whose rounding would count
     dtype = torch.get_default_dtype()
@@ -110,9 +104,7 @@ def courses(names: tuple[str, ...] = tuple(STARTS)) -> Courses:
 
 
 def settings_of_start(start: Start) -> TrainSettings:
-    """Return the default profile's settings, changed so that the grid, the warm-up and both kinds of clipping act, and
-    a density forms, within the first steps.
-    """
+    """Return settings with which grid, warm-up, both kinds of clipping and a density take effect in the first steps."""
     usual = PROFILES["reduced"].train
     return replace(
         usual,
@@ -159,9 +151,7 @@ def _first_steps(start: Start, views: ViewSet, kind: Precision) -> Course:
 
 
 def deviation(new: Course, stored: Course) -> tuple[float | None, str]:
-    """Return the largest relative difference of a loss or RMS difference of a render, and where it is; None if the
-    steps differ or a value is not finite.
-    """
+    """Return the largest difference, relative of a loss or RMS of a render, and its place; or None and the reason."""
     if len(new.losses) != len(stored.losses) or new.renders.keys() != stored.renders.keys():
         return None, "the stored steps differ from these"
     sizes = [

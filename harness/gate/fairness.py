@@ -5,7 +5,6 @@ comparison must find no difference between equal cells.
 """
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
 from itertools import combinations
@@ -103,11 +102,14 @@ def copied(method: str, views: ViewSet, out: Path) -> tuple[int | None, list[Cel
     methods = (method, copy_of(method))
     cells: list[CellRecord] = []
     weights: dict[tuple[str, int], dict[str, Tensor]] = {}
-    with listed(methods[1], method):
+    CATALOG[methods[1]] = CATALOG[method]
+    try:
         for seed in (0, 1):
             learners: list[Learner] = []
             cells += train_group(task_of(methods, seed, out), views, {}, lambda share: None, watching(learners))
             weights |= {(learner.method, seed): dict(learner.fields.state_dict()) for learner in learners}
+    finally:
+        del CATALOG[methods[1]]
     if any(cell.status != "done" for cell in cells):
         return None, cells
     differing = 0
@@ -120,18 +122,8 @@ def copied(method: str, views: ViewSet, out: Path) -> tuple[int | None, list[Cel
 
 
 def copy_of(method: str) -> str:
-    """Return the name of its copy, with another length and alphabetical order."""
+    """Return a name of another length and alphabetical order."""
     return f"another_{method}"
-
-
-@contextmanager
-def listed(name: str, method: str) -> Iterator[None]:
-    """List `method` in the catalogue under a second name."""
-    CATALOG[name] = CATALOG[method]
-    try:
-        yield
-    finally:
-        del CATALOG[name]
 
 
 def watching(made: list[Learner], batches: dict[str, list[tuple[Tensor, ...]]] | None = None) -> Callable[..., Learner]:

@@ -43,9 +43,8 @@ Measure = Callable[[GateContext], Iterable[Finding]]
 def complete(
     kind: Kind, answer: Callable[[dict[str, Check]], str] = lambda checks: ""
 ) -> Callable[[Measure], Callable[[GateContext], Iterator[Finding]]]:
-    """Decorate the measurement of a kind so that each chosen gate yields one check: a gate without a measurement fails.
-
-    A program error in one kind fails only its gates. `answer` makes a sentence of the checks, which comes first.
+    """Decorate the measurement of a kind so that each chosen gate yields one check: a gate without a measurement fails,
+    and a program error fails only this kind's gates. `answer` makes a sentence of the checks, which comes first.
     """
 
     def decorated(measure: Measure) -> Callable[[GateContext], Iterator[Finding]]:

@@ -20,8 +20,9 @@ from harness.gate.references import REFERENCES_FILE, Quotients, References
 from harness.machine.device import available_cores, keep_freed_memory, use_threads
 from harness.machine.processor_class import class_here
 from harness.machine.provenance import committed, provenance
+from harness.machine.stopping import in_child
 from harness.plan.run_plan import Machine
-from harness.records.study import Check, Studies, StudyInfo, read_studies
+from harness.records.study import Studies, StudyInfo, read_studies
 from harness.run_folder.folder_lock import scratch_folder
 from harness.studies import framework
 from harness.studies.framework import Shelf, Study
@@ -58,15 +59,14 @@ def context_for(
     chosen: tuple[Gate, ...], limits_file: Path, out: Path, view_sets: Path, show: Progress, renewing: bool
 ) -> GateContext:
     """Return the context; raises `InputError` for unreadable stored files, and for a renewal by uncommitted code."""
-    references_file = limits_file.parent / REFERENCES_FILE
     if renewing:
         committed()
     limits = LimitsFile() if renewing and not limits_file.exists() else read_stored(limits_file, LimitsFile)
-    fresh = renewing and not references_file.exists()
-    references = References() if fresh else read_stored(references_file, References)
+    file = limits_file.parent / REFERENCES_FILE
+    references = References() if renewing and not file.exists() else read_stored(file, References)
     context = GateContext(
         out, view_sets, out, False, show, Machine("cpu", available_cores(), 1),
-        chosen, limits, references, limits_file, cache(early.first_steps),
+        chosen, limits, references, limits_file, cache(lambda: in_child(early.courses)),
     )  # fmt: skip
     if not renewing:
         images.references_for(context)
@@ -84,15 +84,11 @@ def run(context: GateContext, replay: str) -> int:
     write_junit(out / JUNIT_FILE, record, replay)
     for _, check in record.broken:
         show.line(f"replay: {replay} --only {check.id}")
-    failed, missing = len(record.broken), sum(_is_missing(check) for _, check in record.checks())
+    failed, missing = len(record.broken), sum(check.status == "not_available" for _, check in record.checks())
     counts = f"{len(context.gates) - failed - missing} passed, {failed} failed"
     counts += f", {missing} not available here" if missing else ""
     show.line(f"{counts} in {time.monotonic() - began:.0f} s; {out / SHELF.file}, {out / JUNIT_FILE}")
     return 4 if failed else 0
-
-
-def _is_missing(check: Check) -> bool:
-    return check.status == "not_available"
 
 
 def write_junit(file: Path, record: Studies, replay: str) -> None:
@@ -102,7 +98,8 @@ def write_junit(file: Path, record: Studies, replay: str) -> None:
     )
     for study in record.studies:
         name, checks = f"gate.{study.info.id}", study.checks
-        failed, missing = sum(check.is_broken for check in checks), sum(map(_is_missing, checks))
+        failed = sum(check.is_broken for check in checks)
+        missing = sum(check.status == "not_available" for check in checks)
         counts = {"tests": str(len(checks)), "failures": str(failed), "skipped": str(missing), "errors": "0"}
         suite = ElementTree.SubElement(top, "testsuite", {"name": name, **counts, "time": f"{study.seconds:.3f}"})
         for check in checks:
@@ -111,16 +108,14 @@ def write_junit(file: Path, record: Studies, replay: str) -> None:
             if check.is_broken:
                 failure = ElementTree.SubElement(case, "failure", type="gate", message=framework.line_of(check))
                 failure.text = f"replay: {replay} --only {check.id}\n"
-            elif _is_missing(check):
+            elif check.status == "not_available":
                 ElementTree.SubElement(case, "skipped", message=check.why)
     ElementTree.indent(top)
     write_atomically(file, ElementTree.tostring(top, encoding="utf-8", xml_declaration=True))
 
 
 def renew(context: GateContext) -> int:
-    """Measure the reference values of the chosen gates again and write them; print old → new for limits. A kind is
-    renewed completely, so that its limits have one origin.
-    """
+    """Measure the kinds of the chosen gates again, each completely, and write them; print old → new for limits."""
     use_threads(1)
     keep_freed_memory()
     with scratch_folder(context.out) as scratch:
@@ -128,41 +123,37 @@ def renew(context: GateContext) -> int:
         for kind in KINDS:
             if context.of_kind(kind):
                 started = time.monotonic()
-                if kind in RENEWED_LIMITS:
-                    context = _with_limits(context, kind)
-                elif kind in RENEWALS or kind == "speed":
-                    context = _with_references(context, kind)
+                context = _renewed(context, kind)
                 context.show.line(f"{kind}: renewed in {time.monotonic() - started:.0f} s")
     return 0
 
 
-def _with_references(context: GateContext, kind: Kind) -> GateContext:
-    started = time.monotonic()
+def _renewed(context: GateContext, kind: Kind) -> GateContext:
+    started, references, limits = time.monotonic(), context.references, context.limits
+
+    def facts() -> KindFacts:
+        origin = {**provenance(CPU), "commit": committed()}
+        return KindFacts(settings_of(kind), origin, round(time.monotonic() - started, 1))
+
+    if kind in RENEWED_LIMITS:
+        values = RENEWED_LIMITS[kind](context)
+        names = [f"{scene}.exr" for scene in IMAGE_SCENES] if kind == "images" else []
+        files = {name: file_digest(context.images / name) for name in names}
+        renewed = limits.renewed(kind, values, structs.replace(facts(), files=files))
+        write_stored(context.limits_file, renewed)
+        changed = changes(limits, renewed)
+        for line in (*changed, f"{kind}: {len(changed)} limits changed; review {context.limits_file}"):
+            context.show.line(line)
+        return replace(context, limits=renewed)
     if kind == "speed":
         quotients = gate_speed.renew(context)
-        speed = {**context.references.speed, class_here(): Quotients(_facts(kind, started), quotients)}
-        references = structs.replace(context.references, speed=speed)
-    else:
+        references = structs.replace(
+            references, speed={**references.speed, class_here(): Quotients(facts(), quotients)}
+        )
+    elif kind in RENEWALS:
         references = RENEWALS[kind](context)
-        kinds = {**references.kinds, kind: _facts(kind, started)}
-        references = structs.replace(references, kinds=kinds)
+        references = structs.replace(references, kinds={**references.kinds, kind: facts()})
+    else:
+        return context
     write_stored(context.limits_file.parent / REFERENCES_FILE, references)
     return replace(context, references=references)
-
-
-def _with_limits(context: GateContext, kind: Kind) -> GateContext:
-    started, limits = time.monotonic(), context.limits
-    values = RENEWED_LIMITS[kind](context)
-    names = [f"{scene}.exr" for scene in IMAGE_SCENES] if kind == "images" else []
-    files = {name: file_digest(context.images / name) for name in names}
-    renewed = limits.renewed(kind, values, structs.replace(_facts(kind, started), files=files))
-    write_stored(context.limits_file, renewed)
-    changed = changes(limits, renewed)
-    for line in (*changed, f"{kind}: {len(changed)} limits changed; review {context.limits_file}"):
-        context.show.line(line)
-    return replace(context, limits=renewed)
-
-
-def _facts(kind: Kind, started: float) -> KindFacts:
-    origin = {**provenance(CPU), "commit": committed()}
-    return KindFacts(settings_of(kind), origin, round(time.monotonic() - started, 1))

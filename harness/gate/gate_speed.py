@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 import torch
 from msgspec import structs
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from baselines.plain import PlainField, plain_render, plain_step
 from harness.gate.gate_context import GateContext, complete
@@ -73,7 +73,7 @@ def limit_of(ratios: list[float]) -> Limit:
     """
     spread = statistics.stdev(map(math.log, ratios)) if len(ratios) > 1 else 0.0
     high = math.sqrt(SLOWER_FOUND)
-    return Limit(None, high, 1.0, spread, len(ratios), high * math.exp(float(norm.ppf(0.9)) * spread))
+    return Limit(None, high, 1.0, spread, len(ratios), high * math.exp(float(ndtri(0.9)) * spread))
 
 
 def ratios(names: tuple[str, ...]) -> dict[str, float]:

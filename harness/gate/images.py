@@ -101,12 +101,6 @@ def largest(renders: np.ndarray, reference: Reference) -> np.ndarray:
     return np.asarray(np.abs(standardised(renders, reference)).max(axis=(1, 2, 3)))
 
 
-def pooled(by_scene: list[np.ndarray], spreads: list[float]) -> np.ndarray:
-    """Pool the biases [batches] of several scenes, weighted by their precision."""
-    weights = np.array(spreads, dtype=np.float64) ** -2.0
-    return np.asarray(np.einsum("s,sb->b", weights / weights.sum(), np.stack(by_scene)))
-
-
 Renders = dict[str, np.ndarray]
 """Scene → [batches, height, width, 4], linear and premultiplied."""
 
@@ -166,13 +160,14 @@ def figures_of(
     else:
         spreads = [limits[name].spread or 0.0 if name in limits else 0.0 for name in shifts]
     if spreads and all(spreads):
-        figures["images.all.bias"] = pooled(list(shifts.values()), spreads).tolist()
+        weights = np.array(spreads, dtype=np.float64) ** -2.0
+        pooled = np.einsum("s,sb->b", weights / weights.sum(), np.stack(list(shifts.values())))
+        figures["images.all.bias"] = pooled.tolist()
     return figures
 
 
 def renew(context: GateContext) -> dict[str, list[float]]:
     """Render and store new references, and return the measurements of further renders, from which limits are made.
-
     All scenes are renewed together, as an image and its limits belong together.
     """
     reference_renders = rendered(IMAGE_SCENES, "reference", REFERENCE_BATCHES, context.scratch)

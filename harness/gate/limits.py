@@ -8,14 +8,12 @@ outer tail. No measurement is ever left out. The file holds for every processor,
 import json
 import math
 from collections.abc import Mapping, Sequence
-from functools import cache
 from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 from msgspec import field, structs
-from scipy.stats import norm
-from scipy.stats import t as student
+from scipy.special import ndtri, stdtrit
 
 from harness.gate.gates import Gate, Kind, gates, settings_of
 from harness.records.json_record import Record, plain, read_record
@@ -63,15 +61,12 @@ def judge(gate: Gate, values: Sequence[float | None], limit: Limit | str, why: s
         unlimited = check(gate.what, figure, unit=gate.unit, why=limit, subject=gate.name, id=gate.name)
         return structs.replace(unlimited, status="fail")
     detects = "" if limit.detects is None else f"detects {limit.detects:.3g}{gate.unit and f' {gate.unit}'}"
-    reason = why or ("no finite figure" if figure is None else "")
-    why = "; ".join(filter(None, (reason, detects)))
+    why = "; ".join(filter(None, (why or ("no finite figure" if figure is None else ""), detects)))
     return check(gate.what, figure, limit.low, limit.high, gate.unit, why, subject=gate.name, id=gate.name)
 
 
 def limit_from(gate: Gate, values: Sequence[float]) -> Limit:
-    """Return the limit from independent measurements, other than the gate's. Raises `ValueError` for fewer than three,
-    and for a non-finite one.
-    """
+    """Return the limit from three or more finite measurements, other than the gate's; raises `ValueError`."""
     sample = np.asarray(values, dtype=np.float64)
     if sample.size < 3 or not np.isfinite(sample).all():
         raise ValueError(f"{gate.name}: three or more finite measurements are needed, got {values}")
@@ -84,19 +79,14 @@ def limit_from(gate: Gate, values: Sequence[float]) -> Limit:
         # the logarithm of the largest of very many pixels is taken as Gumbel-distributed; its scale is the upper end of
         # its 99 % interval, as the limit is far beyond the measurements
         scale = spread * math.sqrt(6) / math.pi
-        upper = scale * (1 + float(norm.ppf(0.99)) * 1.05 / math.sqrt(many))
+        upper = scale * (1 + float(ndtri(0.99)) * 1.05 / math.sqrt(many))
         high = math.exp(centre - EULER * scale + upper * (math.log(gate.new) - math.log(-math.log1p(-LEVEL))))
         # a deviation adds to noise of one standard deviation
-        return Limit(None, high, math.exp(centre), spread, many, high + float(norm.ppf(POWER)))
+        return Limit(None, high, math.exp(centre), spread, many, high + float(ndtri(POWER)))
     error = spread * math.sqrt(1 / gate.new + 1 / many)
-    beyond = _quantile(1 - LEVEL / 2, many - 1)
+    beyond = float(stdtrit(many - 1, 1 - LEVEL / 2))
     half = beyond * error
     return Limit(centre - half, centre + half, centre, spread, many, shift_found(beyond, many - 1) * error)
-
-
-@cache
-def _quantile(share: float, freedom: int) -> float:
-    return float(student.ppf(share, freedom))
 
 
 class KindFacts(Record, frozen=True):

@@ -32,16 +32,14 @@ def noise(watch: Stopwatch, work: Callable[[], object], repeats: int = REPEATS) 
     return float((high - low) / middle), (watch.seconds - wall) / (watch.core_seconds - cores) - 1.0
 
 
-def spinning(
-    watch: Stopwatch, threads: int, busy: Callable[[int], AbstractContextManager[None]], repeats: int = REPEATS
-) -> float:
+def spinning(watch: Stopwatch, threads: int, busy: Callable[[int], AbstractContextManager[None]]) -> float:
     """Return the core seconds of `layers` by `threads` threads as a multiple of those by one, which never waits: the
     median of pairs, while `threads` busy programs run. torch is left with one thread.
     """
     pairs: list[list[float]] = []
     try:
         with busy(threads):
-            for _ in range(repeats + 1):
+            for _ in range(REPEATS + 1):
                 pairs.append([])
                 for count in (1, threads):
                     torch.set_num_threads(count)

@@ -57,9 +57,7 @@ CONTROL_GROUPS, OWN_GROUPS = Path("/sys/fs/cgroup"), Path("/proc/self/cgroup")
 
 
 def quota_cores(root: Path = CONTROL_GROUPS, groups: Path = OWN_GROUPS) -> int | None:
-    """Return the quota of processor time of this process's control groups (`docker run --cpus`), in cores, rounded
-    down, at least 1; None without a quota.
-    """
+    """Return this process's quota of processor time (`docker run --cpus`) in whole cores, at least 1; None without."""
     quotas = []
     for folder in group_folders("cpu", root, groups):
         quota_and_period = _words(folder / "cpu.max")
@@ -72,9 +70,7 @@ def quota_cores(root: Path = CONTROL_GROUPS, groups: Path = OWN_GROUPS) -> int |
 
 
 def group_folders(controller: str, root: Path = CONTROL_GROUPS, groups: Path = OWN_GROUPS) -> Iterator[Path]:
-    """Yield the folders of this process's control groups for a controller, of either version of the interface, and of
-    the groups around them.
-    """
+    """Yield the folders of this process's control groups for a controller, of either version, and those around them."""
     for line in _words(groups, "\n"):
         _, controllers, path = [*line.split(":", 2), "", ""][:3]
         if controllers and controller not in controllers.split(","):
@@ -95,11 +91,8 @@ def siblings(cpus: list[int]) -> list[tuple[int, ...]]:
     """Group `cpus` by the core whose hardware threads they are; each is a core if the system does not report it."""
     by_core: dict[str, list[int]] = {}
     for cpu in cpus:
-        listed = Path(f"/sys/devices/system/cpu/cpu{cpu}/topology/thread_siblings_list")
-        core = str(cpu)
-        with suppress(OSError):
-            core = listed.read_text(encoding="utf-8").strip() or core
-        by_core.setdefault(core, []).append(cpu)
+        listed = _words(Path(f"/sys/devices/system/cpu/cpu{cpu}/topology/thread_siblings_list"))
+        by_core.setdefault(" ".join(listed) or str(cpu), []).append(cpu)
     return [tuple(group) for group in by_core.values()]
 
 

@@ -14,14 +14,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Literal
 
-from harness.machine.cores import (
-    CONTROL_GROUPS,
-    OWN_GROUPS,
-    allowed_cpus,
-    group_folders,
-    own_cores,
-    quota_cores,
-)
+from harness.machine.cores import CONTROL_GROUPS, OWN_GROUPS, allowed_cpus, group_folders, own_cores, quota_cores
 from harness.machine.wait_policy import SPINS, VARIABLE
 from scenes.files.errors import named
 from scenes.files.json_object import JsonObject
@@ -108,9 +101,7 @@ def memory_findings() -> Iterator[Finding]:
 def memory_bytes(
     root: Path = CONTROL_GROUPS, groups: Path = OWN_GROUPS, meminfo: Path = Path("/proc/meminfo")
 ) -> int | None:
-    """Return the memory of the machine, or of this process's control groups (a container, a job) if that is less; None
-    if neither can be read.
-    """
+    """Return the memory of the machine, or of a container or job around this process if that is less; None: unknown."""
     limits = []
     for folder in group_folders("memory", root, groups):
         for name in ("memory.max", "memory.limit_in_bytes"):
@@ -143,7 +134,6 @@ def python_findings() -> Iterator[Finding]:
 
 
 def package_findings() -> Iterator[Finding]:
-    """Yield one line on all packages that a run needs, and one on each that is missing or of an untested version."""
     ranges = _ranges(_project()["project"]["dependencies"])
     findings = [_within(name, tested, f"{RENEW}: {name}{tested}", needed=True) for name, tested in ranges.items()]
     odd = [finding for finding in findings if finding.verdict != "ok"]
@@ -152,7 +142,6 @@ def package_findings() -> Iterator[Finding]:
 
 
 def optional_findings() -> Iterator[Finding]:
-    """Yield the packages that only one command or option needs."""
     extras = _project()["project"].get("optional-dependencies", {})
     for extra, purpose in EXTRAS.items():
         for name, tested in _ranges(extras.get(extra, [])).items():
@@ -258,7 +247,7 @@ def mitsuba_findings() -> Iterator[Finding]:
         yield judge("Mitsuba llvm_ad_rgb", text, (failure is not None, "limited", INSTALL_LLVM))
         if failure is None:
             break
-    has_driver = bool(ctypes.util.find_library("cuda") or ctypes.util.find_library("nvcuda"))
+    has_driver = ctypes.util.find_library("cuda") or ctypes.util.find_library("nvcuda")
     failure = probe("cuda_ad_rgb", "") if has_driver else "no CUDA driver"
     to_do = "check the driver; the CPU renders too" if has_driver else "optional: the CPU renders too"
     yield judge("Mitsuba cuda_ad_rgb", failure or "renders", (bool(failure), "limited", to_do))

@@ -105,9 +105,7 @@ def _made_by(origin: JsonObject, method: str) -> dict[str, str]:
 
 
 def _unlike(made: list[dict[str, str]]) -> list[str]:
-    """Return the names with several values; not the commit if all sources are known and equal, as it may have changed
-    only other files.
-    """
+    """Return the names with several values; not the commit, which may concern other files, if all sources are equal."""
     names = dict.fromkeys(name for versions in made for name in versions)
     differing = [name for name in names if len({versions[name] for versions in made if name in versions}) > 1]
     if "sources" not in differing and all("sources" in versions for versions in made):

@@ -12,12 +12,11 @@ STATUS = Path("/proc/self/status")
 
 
 def peak_bytes(status: Path = STATUS) -> int:
-    """Return the peak resident memory so far. `getrusage` (bytes on macOS, kibibytes on Linux) is only the fallback: it
-    may report the parent process's peak.
-    """
+    """Return the peak resident memory so far."""
     with suppress(OSError):
         if peak := re.search(r"VmHWM:\s+(\d+) kB", status.read_text(encoding="utf-8")):
             return 1024 * int(peak[1])
+    # only the fallback, as it may be the parent's peak; bytes on macOS, kibibytes on Linux
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
 
 

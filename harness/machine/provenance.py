@@ -147,9 +147,7 @@ def code_here() -> JsonObject:
 
 
 def committed(folder: Path = BASELINES) -> str:
-    """Return the commit of the checkout that holds `folder`. Raises `InputError` if a file outside `RENEWED` was
-    changed since, or without git or a commit.
-    """
+    """Return the commit of `folder`; raises `InputError` without one, or if a file outside `RENEWED` has changed."""
 
     def git(*words: str) -> str:
         return subprocess.check_output(["git", *words], cwd=folder, stderr=subprocess.DEVNULL, text=True)

@@ -87,10 +87,9 @@ def at_scale(train: TrainSettings, views: "ViewSet") -> TrainSettings:
     if train.grid.per_pixel is not None and train.grid.cells:
         cells = min(max(round(train.grid.per_pixel * pixels), LEAST_CELLS), MOST_CELLS)
         train = replace(train, grid=replace(train.grid, cells=cells))
-    if train.bins_per_pixel is not None:
-        bins = min(max(round(train.bins_per_pixel * pixels), LEAST_BINS), MOST_BINS)
-        train = replace(train, bins=bins)
-    return train
+    if train.bins_per_pixel is None:
+        return train
+    return replace(train, bins=min(max(round(train.bins_per_pixel * pixels), LEAST_BINS), MOST_BINS))
 
 
 def _is(needs: Needs, name: str, needed: bool) -> bool:

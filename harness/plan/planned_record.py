@@ -56,7 +56,7 @@ Notes = Mapping[str, tuple[str, ...]]
 SHAPES: dict[Decay, str] = {"exponential": "exponentially", "linear": "linearly"}
 
 
-def planned_record(plan: Plan, command: str, notes: Notes | None = None) -> RunRecord:
+def planned_record(plan: Plan, command: str, notes: Notes) -> RunRecord:
     """Return the record of a run of `command` that has not begun; its provenance holds only the methods' packages."""
     methods = (*plan.all_methods(), *plan.guests)
     claimed = dict.fromkeys(pair for file in plan.claims for pair in file.pairs)
@@ -71,7 +71,7 @@ def planned_record(plan: Plan, command: str, notes: Notes | None = None) -> RunR
         phases={},
         finished=False,
         not_tested=not_tested(plan),
-        deviations=deviations(plan, notes or {}),
+        deviations=deviations(plan, notes),
         guests=list(plan.guests),
         claims=list(plan.claims),
         roles=replace(plan.roles.among(plan.methods), claimed=tuple(claimed)),

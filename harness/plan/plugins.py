@@ -44,9 +44,7 @@ _loaded: dict[str, dict[str, str]] = {}
 
 
 def offered() -> dict[str, list[EntryPoint]]:
-    """Map name → the entry points of that name in all installed packages; nothing is imported. A package whose entry
-    points cannot be read offers nothing.
-    """
+    """Map name → the entry points of that name in all installed packages that can be read; nothing is imported."""
     points: dict[str, list[EntryPoint]] = {}
     for point in _points():
         if point not in points.setdefault(point.name, []):
@@ -81,9 +79,7 @@ def require_methods(names: Iterable[str]) -> None:
 
 
 def method_named(name: str) -> Method:
-    """Return a method of the catalogue or of a package. Raises `InputError` as `require_methods`, and for
-    an unknown name.
-    """
+    """Return a method of the catalogue or of a package; raises `InputError` as `require_methods`, or if unknown."""
     if name in UNTRAINED:
         return UNTRAINED[name]
     if name not in CATALOG:
@@ -94,9 +90,7 @@ def method_named(name: str) -> Method:
 
 
 def own_settings(name: str, given: Mapping[str, object]) -> Any:
-    """Return a method's own settings, given or of the catalogue; None if it has none. Raises `InputError`
-    as `method_named`.
-    """
+    """Return a method's own settings, given or of the catalogue, or None; raises `InputError` as `method_named`."""
     own = given.get(name)
     return method_named(name).settings if own is None else own
 
@@ -170,10 +164,6 @@ def package_of(point: EntryPoint) -> tuple[str, str]:
     return str(point.dist.metadata["Name"] or "unknown"), str(point.dist.metadata["Version"] or "?")
 
 
-def _is_frozen_dataclass(settings: object) -> bool:
-    return getattr(getattr(type(settings), "__dataclass_params__", None), "frozen", False)
-
-
 def _wrong_in_records(method: Method) -> str | None:
     try:
         json.dumps(None if method.settings is None else asdict(method.settings), allow_nan=False)
@@ -204,13 +194,14 @@ def _wrong_with(method: object) -> str | None:
         return f"gives a {type(method).__name__}, not a baselines.catalog.Method"
     if not isinstance(method.title, str) or not method.title.strip():
         return "its method has no title"
-    if method.settings is not None and not _is_frozen_dataclass(method.settings):
+    dataclass_facts = getattr(type(method.settings), "__dataclass_params__", None)
+    if method.settings is not None and not getattr(dataclass_facts, "frozen", False):
         return f"its settings are of type {type(method.settings).__name__}, not a frozen dataclass"
     if not (isinstance(method.trainer, str) or callable(method.trainer)):
         return f"its trainer is of type {type(method.trainer).__name__}, not a callable or 'module:name'"
     if [method.parts is not None, method.make_field is not None, not method.is_field].count(True) != 1:
         return "gives parts as its settings, make_field, or a trainer: one of them"
-    if (wrong := _wrong_in_records(method)) is not None:
+    if wrong := _wrong_in_records(method):
         return wrong
     for kind, table, own in _named_parts(method):
         if taken := [name for name in own if name in table and table[name] is not own[name]]:
@@ -224,16 +215,14 @@ def _wrong_with(method: object) -> str | None:
 
 
 def _wrong_in_replaced(parts: Parts) -> str | None:
-    for name in ("depth", "width"):
-        if (size := getattr(parts, name)) is not None and size < 1:
-            return f"its {name} {size} is below 1; leave it out for the run's"
+    for name, least in (("depth", 1), ("width", 1), ("warm_up_steps", 0)):
+        if (count := getattr(parts, name)) is not None and count < least:
+            return f"its {name} {count} is below {least}; leave it out for the run's"
     for name in ("learning_rate", "last_learning_rate"):
         if (rate := getattr(parts, name)) is not None and not 0.0 < rate < math.inf:
             return f"its {name} {rate} is not a positive number; leave it out for the run's"
     if parts.decay not in (None, *get_args(Decay)):
         return f"its decay {parts.decay!r} is unknown; known: {' '.join(get_args(Decay))}"
-    if parts.warm_up_steps is not None and parts.warm_up_steps < 0:
-        return f"its warm_up_steps {parts.warm_up_steps} is below 0; leave it out for the run's"
     return None
 
 
@@ -265,20 +254,18 @@ def _files(point: EntryPoint) -> set[tuple[str, Path]]:
     files: set[tuple[PurePath, Path]] = {(file, Path(str(file.locate()))) for file in listed}
     for place in places:
         files |= {(file.relative_to(place.parent), file) for file in (place, *place.rglob("*"))}
-    return {(name.as_posix(), file.resolve()) for name, file in files if _counts(name) and file.is_file()}
+    return {
+        (name.as_posix(), file.resolve())
+        for name, file in files
+        if file.is_file() and not any(part == "__pycache__" or part.startswith(".") for part in name.parts)
+    }
 
 
 def _places(spec: ModuleSpec | None) -> set[Path]:
     """Return the folders of a package, or the file of a module; an empty set if there is none."""
-    if spec is None:
-        return set()
-    if spec.submodule_search_locations is not None:
+    if spec is not None and spec.submodule_search_locations is not None:
         return {Path(place) for place in spec.submodule_search_locations}
-    return {Path(spec.origin)} if spec.has_location and spec.origin is not None else set()
-
-
-def _counts(name: PurePath) -> bool:
-    return not any(part == "__pycache__" or part.startswith(".") for part in name.parts)
+    return {Path(spec.origin)} if spec is not None and spec.has_location and spec.origin is not None else set()
 
 
 def _is_editable(point: EntryPoint) -> bool:

@@ -18,27 +18,17 @@ COMPARED = ("nerf", "nerf_matched", "qnerf")
 JUDGED = (*COMPARED, "qnerf_repaired")
 """The methods of a long run: `COMPARED`, and the best reading that changes a listing."""
 
-TUNED: dict[OptimiserName, dict[str, Any]] = {
-    "adam": {
-        "optimiser": OptimiserSettings("adam", (0.9, 0.99)),
-        "learning_rate": 2e-2,
-        "last_learning_rate": 6e-4,
-        "decay": "linear",
-    },
-    "soap": {
-        "optimiser": OptimiserSettings("soap", (0.9, 0.99)),
-        "learning_rate": 1e-2,
-        "last_learning_rate": 3e-4,
-        "decay": "linear",
-    },
-    "muon": {
-        "optimiser": OptimiserSettings("muon", (0.95, 0.99)),
-        "learning_rate": 1.4e-2,
-        "last_learning_rate": 4e-4,
-        "decay": "linear",
-    },
+RATES: dict[OptimiserName, tuple[tuple[float, float], float, float]] = {
+    "adam": ((0.9, 0.99), 2e-2, 6e-4),
+    "soap": ((0.9, 0.99), 1e-2, 3e-4),
+    "muon": ((0.95, 0.99), 1.4e-2, 4e-4),
 }
-"""Map optimiser → the settings of short runs with it, for all methods (`python -m harness study sweep`)."""
+"""Map optimiser → β, the first and the last learning rate in short runs (`python -m harness study sweep`)."""
+TUNED: dict[OptimiserName, dict[str, Any]] = {
+    name: dict(optimiser=OptimiserSettings(name, betas), learning_rate=first, last_learning_rate=last, decay="linear")
+    for name, (betas, first, last) in RATES.items()
+}
+"""Map optimiser → the settings of short runs with it, for all methods."""
 
 REDUCED_TRAINING = TrainSettings(
     network=NetworkSize(depth=6, width=64, colour_layers=2, colour_width=32),
@@ -96,9 +86,7 @@ FULL = Plan(
     views=ViewSettings(ceiling_train_db=36.0, ceiling_test_db=40.0),
     extras=(Extra(EXPLAINED, ("nerf_float32", "qnerf_float32"), (0,)),),
 )
-"""The paper's own setting. `full_skipping` is the same with the silhouettes' hull and an occupancy grid, which leave a
-small part of the samples.
-"""
+"""The paper's own setting; `full_skipping` has the silhouettes' hull and an occupancy grid, which leave few samples."""
 
 PROFILES: dict[str, Plan] = {
     "smoke": Plan(

@@ -31,9 +31,7 @@ class Budget:
 
 
 def learning_rate(progress: float, step: int, first: float, last: float, warm_up_steps: int, decay: Decay) -> float:
-    """Return the rate, which falls from `first` to `last` over the budget after a linear warm-up; the exponential decay
-    is the original NeRF's.
-    """
+    """Return the rate, from `first` to `last` after a linear warm-up; exponentially, it is the original NeRF's."""
     spent = min(progress, 1.0)
     decayed = first + (last - first) * spent if decay == "linear" else first * (last / first) ** spent
     return decayed * min(1.0, (step + 1) / (warm_up_steps + 1))

@@ -46,9 +46,7 @@ class TrainSettings:
     covered_share: float = 0.0
     """The share of rays through covered pixels, so that the object weighs more in the loss; the rest are uniform."""
     contrast_weight: float = 0.0
-    """The weight of a covered pixel's contrast in its chance to be drawn (`harness.training.batches.Batches`): errors
-    are largest at edges.
-    """
+    """The weight of a covered pixel's contrast in its chance to be drawn (`Batches`): errors are largest at edges."""
     optimiser: OptimiserSettings = field(default_factory=OptimiserSettings)
     learning_rate: float = 5e-4
     last_learning_rate: float = 5e-5
@@ -56,9 +54,7 @@ class TrainSettings:
     """The fall of the learning rate between the two; a linear one stays high for longer."""
     warm_up_steps: int = 0
     average: float = 0.0
-    """The power of the running mean of the weights, which is rendered and saved in place of the weights
-    (`baselines.numerics.weight_average`); 0: no mean.
-    """
+    """The power of the running mean of the weights, which is rendered and saved in their place; 0: no mean."""
     clip_norm: float = 1.0
     clip_ratio: float = 4.0
     """A gradient is also clipped to this multiple of the usual norm of previous gradients: a norm of 1, which
@@ -97,9 +93,7 @@ class ScoreSettings:
 
 
 NEEDED, NEEDED_DB, NEEDED_SLOPE_DB = (95, 400), 45.0, 12.0
-"""The minimum and maximum of the samples per pixel that a classic scene needs for a ceiling of 45 dB, and the gain of
-ten times as many.
-"""
+"""The extremes of the samples per pixel that a classic scene needs for 45 dB, and the gain of ten times as many."""
 
 
 @dataclass(frozen=True)

@@ -23,12 +23,11 @@ class CachedMethod:
         self.learner = learner
         self.store = store
         self.chunk = chunk
-        self._plain = plain_calls(chunk)
         self._known: tuple[tuple[object, ...], bytes] | None = None
 
     def key(self, camera: Camera, calls: str | None = None) -> str:
         """Return the key of a view; `calls` says how rays are put into chunks, by default as `render_view` does."""
-        return camera_key(self._method_digest(), camera, calls or self._plain)
+        return camera_key(self._method_digest(), camera, calls or plain_calls(self.chunk))
 
     def lookup(self, camera: Camera, calls: str | None = None) -> tuple[View, Place] | None:
         """Return a stored view and its place, or None; nothing is rendered."""

@@ -28,9 +28,7 @@ NOT_BY_REGIONS = (
 
 @dataclass(frozen=True)
 class Done:
-    """Final pixels: flat indices [pixels], row by row, display colour float32 [pixels, 3], opacity and depth in scene
-    units, float32 [pixels].
-    """
+    """Final pixels: flat indices [n], display colour float32 [n, 3], opacity, and depth in scene units, float32 [n]."""
 
     pixels: np.ndarray
     colour: np.ndarray
@@ -43,13 +41,11 @@ class Done:
 
 
 class Canvas:
-    """A picture that is being filled in, from a given view or from background."""
+    """A picture that is being filled in; at first all is background."""
 
-    def __init__(self, height: int, width: int, start: View | None = None) -> None:
+    def __init__(self, height: int, width: int) -> None:
         shape = (height, width)
-        if start is None:
-            start = View(np.ones((*shape, 3), np.float32), np.zeros(shape, np.float32), np.zeros(shape, np.float32))
-        self.view = View(start.colour.copy(), start.opacity.copy(), start.depth.copy())
+        self.view = View(np.ones((*shape, 3), np.float32), np.zeros(shape, np.float32), np.zeros(shape, np.float32))
         """The pixels so far; `put` changes them."""
 
     def put(self, done: Done) -> None:
@@ -126,21 +122,17 @@ def refine(
     """
     attended = checked(attention, regions.count)
     if why_plain(learner) or (order == "attention" and is_equal(attended)):
-        return _plain(learner, camera, chunk)
+        # the chunks of `harness.training.scoring.evaluate.render_view`
+        mixed = pixel_order(camera.width * camera.height).numpy()
+        chunks = [mixed[start : start + chunk] for start in range(0, len(mixed), chunk)]
+        return _by_parts(learner, camera, chunks, 1, chunk)
     sequence = region_order(attended) if order == "attention" else np.arange(regions.count)
     parts = [regions.pixels(region) for region in sequence.tolist()]
     return _by_parts(learner, camera, parts, min(chunk, least_rays), chunk)
 
 
-def _plain(learner: Learner, camera: Camera, chunk: int) -> Iterator[Done]:
-    """Yield the chunks of `harness.training.scoring.evaluate.render_view`."""
-    order = pixel_order(camera.width * camera.height).numpy()
-    parts = [order[start : start + chunk] for start in range(0, len(order), chunk)]
-    return _by_parts(learner, camera, parts, 1, chunk)
-
-
 def _by_parts(learner: Learner, camera: Camera, parts: list[np.ndarray], at_least: int, chunk: int) -> Iterator[Done]:
-    """Yield the pixels of each part; at least `at_least` share a chunk, except in the last one."""
+    """Yield the pixels of each part; at least `at_least` rays share a chunk, except in the last one."""
     rays, total, done = camera.rays(learner.device), camera.width * camera.height, 0
     for together in _chunks(parts, at_least):
         pixels = np.concatenate(together)

@@ -207,9 +207,7 @@ class FinishedRun:
         return with_needs(views, forced.need, forced.no_need)
 
     def view_radius(self, scene: SceneRecord, cache: Path = VIEW_SETS) -> float:
-        """Return the distance of its cameras from the origin in scene units, for view sets of other origin the mean
-        over the training cameras. Raises `InputError` if the view set does not exist any more.
-        """
+        """Return the mean distance of its training cameras from the origin in scene units; raises `InputError`."""
         if scene.rendered:
             return RADIUS
         frames = source_of(self.view_set(scene, cache)).frames("train")

@@ -130,6 +130,4 @@ class ViewStore:
 
 
 def _checksum(key: str, pixels: bytes) -> bytes:
-    digest = hashlib.sha256(key.encode())
-    digest.update(pixels)
-    return digest.digest()
+    return hashlib.sha256(key.encode() + pixels).digest()

@@ -213,17 +213,10 @@ class CellRecord(Record, frozen=True):
     properties: dict[str, int | float | str | None]
     """Measured properties: chunk_max_difference and chunk_rms_difference (the same view in small and in full chunks),
     largest_density (per half of the longest side of the scene's box), opacity_unit_slab (of that density over that
-    length), occupied_share, clipped_share (the share of steps whose gradient was clipped), and for a method with an
-    amplifier alpha_phi and psnr_without_amplifier (`harness.training.scoring.amplifier_effect`), …
-
-    Properties of the ceiling of density, per half of the longest side of the box
-    (`harness.training.scoring.densities`): density_limit (the largest density that the method can have; None without a
-    limit), opacity_of_a_pixel (of geometry one pixel thick at that density, 1 without a limit; a pixel has its width in
-    the middle of the box, the mean distance of the training cameras from it divided by their focal length in pixels),
-    weight_at_ceiling (the share of the weight Σ w of test views at densities of at least 0.99 of the limit), and
-    density_by_weight_50, _90 and _99 (the densities up to which that percentage of the weight lies). The last four are
-    None for empty pictures and for methods that are not rendered by points of rays; older records have none of
-    them."""
+    length), occupied_share, clipped_share (the share of steps whose gradient was clipped), those of an amplifier
+    (`harness.training.scoring.amplifier_effect`), and of the ceiling of density, per half of the longest side
+    (`harness.training.scoring.densities`): None for empty pictures and for methods that are not rendered by points of
+    rays, absent in older records. docs/records.md lists all."""
     warnings: list[str]
     """What a reader must know: empty collapse, billboard (train score far above test score), below the floor."""
     settings: JsonObject

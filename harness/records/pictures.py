@@ -204,7 +204,6 @@ def _write(
 def _read(
     path: Path, kind: Literal["truth", "renders"]
 ) -> tuple[list[tuple[ListedPicture, dict[str, Half]]], Turn | None]:
-    channels, needed = PARTS[kind]
     try:
         if not path.is_file():
             raise ValueError("missing")
@@ -214,7 +213,7 @@ def _read(
         read = as_promised(listing, PicturesListing)
         if (read.schema, read.kind) != (SCHEMA, kind):
             raise ValueError(f"{read.kind} of schema {read.schema}, not {kind} of schema {SCHEMA}")
-        rows = [(row, _parts(place, row, tensors, channels, needed)) for place, row in enumerate(read.pictures)]
+        rows = [(row, _parts(place, row, tensors, kind)) for place, row in enumerate(read.pictures)]
         turn = Turn(read.turn, _frames(tensors[TURN], len(read.turn))) if read.turn else None
         if len(tensors) != sum(len(parts) for _, parts in rows) + (turn is not None):
             raise ValueError("tensors that its listing does not know")
@@ -231,10 +230,9 @@ def _frames(tensor: np.ndarray, views: int) -> NDArray[np.uint8]:
     return tensor
 
 
-def _parts(
-    place: int, row: ListedPicture, tensors: Tensors, channels: dict[str, int | None], needed: set[str]
-) -> dict[str, Half]:
-    if (row.step is UNSET) is (channels is RENDER):
+def _parts(place: int, row: ListedPicture, tensors: Tensors, kind: str) -> dict[str, Half]:
+    channels, needed = PARTS[kind]
+    if (row.step is UNSET) is (kind == "renders"):
         raise ValueError("a checkpoint without a step, or a truth with one")
     if not needed <= set(row.parts) <= set(channels):
         raise ValueError(f"parts {row.parts}")

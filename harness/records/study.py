@@ -20,14 +20,7 @@ from scenes.files.errors import DamagedRecord
 from scenes.files.json_object import JsonObject
 
 SCHEMA = 2
-SHELVES = {
-    "evidence": "evidence.json",
-    "stability": "stability.json",
-    "speed": "speed.json",
-    "serving": "serving.json",
-    "frontier": "frontier.json",
-    "history": "history.json",
-}
+SHELVES = {name: f"{name}.json" for name in ("evidence", "stability", "speed", "serving", "frontier", "history")}
 """Shelf → its file under OUT."""
 
 CHAPTERS: dict[int, str] = {
@@ -106,7 +99,10 @@ class Check(Record, frozen=True, tag="check"):
 
 
 class Effect(Record, frozen=True, tag="effect"):
-    """A difference with its interval: between two methods, or the effect of a part or of an interaction of parts."""
+    """A difference with its interval: between two methods, or the effect of a part or of an interaction of parts.
+
+    The fields that `harness.records.cells.Comparison` and `Estimate` have too mean the same.
+    """
 
     name: str
     """The part that is added, changed or removed; a method's name if two methods are compared."""
@@ -118,20 +114,16 @@ class Effect(Record, frozen=True, tag="effect"):
     budget: Budget
     difference: float | None
     interval: tuple[float, float] | None
-    """The 95 % interval of this comparison only."""
     simultaneous: tuple[float, float] | None
-    """The interval that the verdict comes from, for `family` comparisons that are judged together."""
     family: int
     verdict: Verdict
     smallest_detectable: float | None
     pairs: int
     unpaired: int
-    """The pairs that are not judged, because a cell diverged, collapsed or failed."""
     note: str = ""
     on_these_scenes: Estimate | None = None
     """The estimate whose error comes from seeds only, if `interval` is for scenes like these."""
     p: float | None = None
-    """The two-sided p-value of a difference of 0, as in `harness.records.cells.Estimate`."""
 
 
 class Series(Record, frozen=True, tag="series"):

@@ -114,10 +114,9 @@ class TargetsRecord(Record, frozen=True):
     """Map file name of each cell that it was computed from → digest of its record; empty in an older run."""
 
     def comparison(self, scene: str, method: str, against: str, axis: str) -> TargetComparison | None:
-        for row in self.comparisons:
-            if (row.scene, row.method, row.against, row.axis) == (scene, method, against, axis):
-                return row
-        return None
+        about = (scene, method, against, axis)
+        rows = (row for row in self.comparisons if (row.scene, row.method, row.against, row.axis) == about)
+        return next(rows, None)
 
 
 def write_targets(out: Path, record: TargetsRecord) -> None:

@@ -48,7 +48,10 @@ def write_board(out: Path, cell: CellRecord) -> Path:
         try:
             _curve(writer, cell.curve)
             _trace(writer, cell)
-            _end(writer, cell)
+            for name, value in cell.scores.items():
+                _scalar(writer, f"end/{name}", value, cell.steps, cell.train_seconds)
+            status = f"{cell.status}{': ' + cell.reason if cell.reason else ''}"
+            writer.add_text("cell/status", status, cell.steps, 0.0)
             _pictures(writer, out, cell)
         finally:
             writer.close()
@@ -89,12 +92,6 @@ def _trace(writer: "SummaryWriter", cell: CellRecord) -> None:
             if step is not None:
                 seconds = float(np.interp(step, *known))
                 _scalar(writer, f"train/{name}", value, int(step), seconds)
-
-
-def _end(writer: "SummaryWriter", cell: CellRecord) -> None:
-    for name, value in cell.scores.items():
-        _scalar(writer, f"end/{name}", value, cell.steps, cell.train_seconds)
-    writer.add_text("cell/status", f"{cell.status}{': ' + cell.reason if cell.reason else ''}", cell.steps, 0.0)
 
 
 def _pictures(writer: "SummaryWriter", out: Path, cell: CellRecord) -> None:

@@ -1,4 +1,4 @@
-"""Facts in the record of a run that a resumed run keeps: clocks, notices, costs of omissions."""
+"""Facts in the record of a run that a resumed run keeps: clocks, costs of omissions."""
 
 from pathlib import Path
 
@@ -17,12 +17,6 @@ def earlier_run(out: Path) -> RunRecord | None:
         return read_run(out)
     except DamagedRecord:
         return None
-
-
-def notices_of(earlier: RunRecord | None) -> dict[str, object]:
-    """Return the earlier notices of an executor as an entry of a record, `{"notices": lines}`, or no entry."""
-    notices = earlier.provenance.get("notices", []) if earlier is not None else []
-    return {"notices": list(notices)} if notices else {}
 
 
 def with_measured(scenes: list[SceneRecord], earlier: RunRecord | None) -> list[SceneRecord]:

@@ -38,7 +38,7 @@ def locked_folder(out: Path, option: str = "--out") -> Iterator[Lock]:
 
 
 def lock_folder(out: Path, option: str = "--out") -> Lock:
-    """Lock a folder; errors as in `locked_folder`."""
+    """Lock a folder; raises errors as `locked_folder`."""
     try:
         out.mkdir(parents=True, exist_ok=True)
     except FileExistsError:

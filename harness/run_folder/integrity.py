@@ -4,7 +4,7 @@ Only incomplete files of killed writers are deleted.
 """
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
@@ -59,8 +59,7 @@ def repair(out: Path, plan: Plan, say: Say) -> None:
         if cell is not None and cell.status in ENDED and kept.is_file():
             kept.unlink()
         elif kept.exists():
-            faults = _fault(out, kept.relative_to(out).as_posix(), read_unfinished, "trained from the start")
-            _move_aside(out, faults, say)
+            _check(out, kept.relative_to(out).as_posix(), read_unfinished, "trained from the start", say)
         if wrong is not None:
             say(f"{wrong}: {scene}, {method}, seed {seed} is trained again")
             for name in (path.relative_to(out).as_posix(), *names):
@@ -71,14 +70,8 @@ def repair(out: Path, plan: Plan, say: Say) -> None:
             for name in names:  # an unfinished cell writes its files again
                 if (out / name).is_dir():
                     quarantine(out, name)
-    _move_aside(out, _other_faults(out, plan), say)
+    _check_others(out, plan, say)
     say(f"{cells} finished cells and their {files} files are valid")
-
-
-def _move_aside(out: Path, faults: Iterator[tuple[str, str]], say: Say) -> None:
-    for name, wrong in faults:
-        say(wrong)
-        quarantine(out, name)
 
 
 def plan_of_cells(out: Path, plan: Plan) -> list[str]:
@@ -138,13 +131,13 @@ def _cell_fault(
     return cell, None
 
 
-def _other_faults(out: Path, plan: Plan) -> Iterator[tuple[str, str]]:
-    """Yield each other damaged file, and its fault with the remedy; of missing files only pictures are faults."""
+def _check_others(out: Path, plan: Plan, say: Say) -> None:
+    """Check the files that belong to no cell; of missing files only pictures are faults."""
     started = {scene for scene, method, seed in plan.cells() if cell_path(out, scene, method, seed).exists()}
     for scene in plan.scenes:
         name = f"records/{truth_pictures(scene)}"
         if (out / name).exists() or (plan.score.stored_views and scene in started):
-            yield from _fault(out, name, read_truth, "taken from the view set again")
+            _check(out, name, read_truth, "taken from the view set again", say)
     tries: dict[str, tuple[Callable[[Path], object], str]] = {
         "records/run.json": (lambda _: read_run(out), "written again"),
         "records/comparisons.json": (lambda _: read_comparisons(out, read_cells(out)), "computed again"),
@@ -153,14 +146,16 @@ def _other_faults(out: Path, plan: Plan) -> Iterator[tuple[str, str]]:
     }
     for name, (read, remedy) in tries.items():
         if (out / name).exists():
-            yield from _fault(out, name, read, remedy)
+            _check(out, name, read, remedy, say)
 
 
-def _fault(out: Path, name: str, read: Callable[[Path], object], remedy: str) -> Iterator[tuple[str, str]]:
+def _check(out: Path, name: str, read: Callable[[Path], object], remedy: str, say: Say) -> None:
+    """Quarantine a file that cannot be read."""
     try:
         read(out / name)
     except (DamagedRecord, OSError) as error:
-        yield name, f"{name}: {reason_of(error, out / name)}: {remedy}"
+        say(f"{name}: {reason_of(error, out / name)}: {remedy}")
+        quarantine(out, name)
 
 
 def reason_of(error: Exception, path: Path) -> str:

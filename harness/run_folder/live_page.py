@@ -46,7 +46,6 @@ class LivePage:
             self._thread.join()
 
     def _write(self) -> None:
-        """Write the page; note its cost, and say once where it is."""
         spent = _spent_by_children()
         command = ["nice", "-n", str(NICENESS), sys.executable, "-m", "reports", str(self._out), "--partial", "--quiet"]
         self._process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
@@ -58,6 +57,5 @@ class LivePage:
 
 
 def _spent_by_children() -> float:
-    """Return the processor seconds of ended child processes."""
     usage = resource.getrusage(resource.RUSAGE_CHILDREN)
     return usage.ru_utime + usage.ru_stime

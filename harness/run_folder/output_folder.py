@@ -47,10 +47,8 @@ def latest_folder() -> Path | None:
 
 
 def make_ours(out: Path, remedy: str = "name another one") -> None:
-    """Create the folder; raises `InputError` if it is in use, with the remedy, or cannot be written."""
+    """Create the locked folder; raises `InputError` if it is in use, with the remedy, or cannot be written."""
     try:
-        if out.exists() and not out.is_dir():
-            raise InputError(f"--out {out}: is a file; name a folder")
         if not _is_free(out):
             raise InputError(f"--out {out}: the folder is in use; {remedy}")
         out.mkdir(parents=True, exist_ok=True)
@@ -69,28 +67,23 @@ def resumable_record(
 ) -> Record | None:
     """Claim the folder of a measurement whose only record is `file`; return that record if it is to be resumed.
 
-    With `in_run_folder`, OUT may be the folder of a finished run that lacks `file`. With `resume`, a damaged record is
-    reported and moved to OUT/damaged, and the measurement starts again; so it does without a record if one of
-    `folders`, or an earlier damaged record, shows that OUT belongs to it. Raises `InputError` for a folder that is in
-    use or, with `resume`, lacks the record.
+    With `in_run_folder`, OUT may be a finished run that lacks `file`. With `resume`, a damaged record is reported and
+    moved to OUT/damaged, and the measurement starts again; so it does without a record if one of `folders`, or an
+    earlier damaged record, shows that OUT belongs to it. Raises `InputError` for a folder of something else.
     """
     path = out / file
     if not resume:
         if not (in_run_folder and (records_folder(out) / "run.json").exists() and not path.exists()):
             make_ours(out, "name another one, or add --resume")
         return None
-    if not path.exists():
-        is_known = any((out / name).is_dir() for name in folders) or any((out / DAMAGED).glob(f"{file}.*"))
-        if not is_known:
-            raise InputError(f"--resume: {out} holds no {file} to resume; name its folder with --out")
-        sweep(out)
-        say(f"{file}: missing: everything in it is measured again")
-        return None
+    is_there = path.exists()
+    if not (is_there or any((out / name).is_dir() for name in folders) or any((out / DAMAGED).glob(f"{file}.*"))):
+        raise InputError(f"--resume: {out} holds no {file} to resume; name its folder with --out")
     sweep(out)
     try:
         return read(path)
-    except DamagedRecord as error:
-        say(f"{file}: {reason_of(error, path)}: everything in it is measured again")
+    except (DamagedRecord, OSError) as error:
+        say(f"{file}: {reason_of(error, path) if is_there else 'missing'}: everything in it is measured again")
         quarantine(out, file)
     return None
 
@@ -124,8 +117,6 @@ def claim(out: Path, plan: Plan, machine: Machine, resume: bool) -> str | None:
         if free < LEAST_FREE_BYTES:
             raise InputError(f"--out {out}: less than {LEAST_FREE_BYTES >> 20} MiB are free on its disk; make room")
         used = path.parent.exists()
-        if out.exists() and not out.is_dir():
-            raise InputError(f"--out {out}: is a file; name a folder")
         if used and not resume:
             raise InputError(f"--out {out}: holds results already; name another folder, or add --resume")
         if not used and not _is_free(out):
@@ -148,11 +139,9 @@ def release(out: Path) -> None:
     if (records / "run.json").exists() or (records / "cells").exists():
         return
     (records / "plan.json").unlink(missing_ok=True)
-    for folder in (records, out):
-        try:
-            folder.rmdir()
-        except OSError:
-            return
+    with suppress(OSError):
+        records.rmdir()
+        out.rmdir()
 
 
 def _same_plan(out: Path, plan: Plan, started_with: dict[str, object]) -> str | None:

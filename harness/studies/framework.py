@@ -15,16 +15,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from harness.execution.progress import Progress
-from harness.records.study import (
-    Answer,
-    Check,
-    Finding,
-    Studies,
-    StudyInfo,
-    StudyRecord,
-    read_studies,
-    write_studies,
-)
+from harness.records.study import Answer, Check, Finding, Studies, StudyInfo, StudyRecord, read_studies, write_studies
 from scenes.files.errors import DamagedRecord, InputError
 
 if TYPE_CHECKING:
@@ -134,6 +125,7 @@ def run(shelf: Shelf, asked: list[str], context: StudyContext, resume: bool) -> 
     Returns 0, or 3 if a check of this harness fails. Raises `InputError` if OUT cannot be used.
     """
     from harness.machine.device import keep_freed_memory, use_threads
+    from harness.machine.provenance import commit
     from harness.machine.stopping import ON, told_when_stopped
     from harness.run_folder.folder_lock import scratch_folder
 
@@ -162,7 +154,9 @@ def run(shelf: Shelf, asked: list[str], context: StudyContext, resume: bool) -> 
             show.line(f"[{place + 1}/{len(missing)}] {info.id}: {info.question or info.title}")
             began = time.monotonic()
             findings = measure(shelf.measure_of(info.id)(here), show)
-            scale = _with_commit(here.scale(study), record)
+            scale, measured_at = here.scale(study), commit()
+            if measured_at != record.provenance.get("commit") and measured_at not in scale:
+                scale = ". ".join(filter(None, (scale, f"Measured at commit {measured_at}")))
             entry = StudyRecord(with_bar(info, findings), scale, findings, time.monotonic() - began)
             studies = sorted([*record.studies, entry], key=lambda done: list(shelf.studies).index(done.info.id))
             record = msgspec.structs.replace(record, studies=studies)
@@ -223,24 +217,15 @@ def line_of(check: Check) -> str:
 
 
 def list_lines(shelf: Shelf) -> list[str]:
-    asks = {name: study.info.question or study.info.facts.get("danger", "") for name, study in shelf.studies.items()}
-    return [
-        f"{name:18} {study.seconds / 60:4.0f} min  " + ": ".join(filter(None, (study.info.title, asks[name])))
-        for name, study in shelf.studies.items()
-    ]
-
-
-def _with_commit(scale: str, record: Studies) -> str:
-    """Return a study's scale with the commit at which it was measured, if a resumed record began at another."""
-    from harness.machine.provenance import commit
-
-    if (here := commit()) == record.provenance.get("commit") or here in scale:
-        return scale
-    return ". ".join(filter(None, (scale, f"Measured at commit {here}")))
+    lines = []
+    for name, study in shelf.studies.items():
+        asks = study.info.question or study.info.facts.get("danger", "")
+        lines.append(f"{name:18} {study.seconds / 60:4.0f} min  " + ": ".join(filter(None, (study.info.title, asks))))
+    return lines
 
 
 def _claimed(shelf: Shelf, context: StudyContext, resume: bool) -> Studies:
-    """Return the record to resume, or a fresh one; raises `InputError`."""
+    """Return the record to resume, or a fresh one. Raises `InputError`."""
     from harness.machine.provenance import provenance
     from harness.run_folder.integrity import quarantine
     from harness.run_folder.output_folder import resumable_record

@@ -3,7 +3,6 @@
 import json
 from abc import abstractmethod
 from collections import Counter
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
@@ -15,9 +14,9 @@ from harness.machine.provenance import provenance
 from harness.plan.run_plan import Plan
 from harness.records.cells import CellRecord, SceneRecord, cell_path, read_cells, read_cells_of, read_run
 from harness.records.study import Studies
+from harness.run_folder.earlier_run import earlier_run
 from harness.run_folder.integrity import DAMAGED, plan_of_cells, quarantine, repair
 from harness.studies.framework import TRAININGS_FOLDER, Shelf, Study, StudyContext
-from scenes.files.errors import DamagedRecord
 
 
 @dataclass(frozen=True)
@@ -85,17 +84,17 @@ class TrainedContext(StudyContext):
 
         Cells of another commit, or of a modified tree, are used all the same: the plan decides what is compatible.
         """
-        names = self.trainings(study)
+        plans = {name: self.plan(name) for name in self.trainings(study)}
         lines = [
             f"{', '.join(plan.scenes)}; {len(plan.seeds)} seed{'s' * (len(plan.seeds) > 1)}; {plan.budget.in_words}; "
             f"{plan.views.train} training views of {plan.views.resolution} px"
-            for plan in map(self.plan, names)
+            for plan in plans.values()
         ]
         scale, here = " | ".join(dict.fromkeys(lines)), provenance(self.device)["commit"]
         commits = Counter(
             cell.provenance.get("commit", "unknown")
-            for name in names
-            for cell in read_cells_of(folder_of(self.out, name), self.plan(name).cells())
+            for name, plan in plans.items()
+            for cell in read_cells_of(folder_of(self.out, name), plan.cells())
         )
         if not any(commit != here or commit == "unknown" or commit.endswith("-dirty") for commit in commits):
             return scale
@@ -109,16 +108,14 @@ def folder_of(out: Path, training: str) -> Path:
 
 def lacks_cells(folder: Path, plan: Plan) -> bool:
     """Return whether a cell is missing, failed with an error, or was not available, or the run is not finished."""
-    finished = False
-    with suppress(DamagedRecord):
-        finished = read_run(folder).finished
-    if not finished or not all(cell_path(folder, *key).exists() for key in plan.cells()):
+    run = earlier_run(folder)
+    if run is None or not run.finished or not all(cell_path(folder, *key).exists() for key in plan.cells()):
         return True
     return any(cell.status in ("error", "not_available") for cell in read_cells(folder))
 
 
 def is_of_another_plan(folder: Path, plan: Plan) -> bool:
     """Return whether the training is of another plan, by its record, or by its cells if the record is damaged."""
-    with suppress(DamagedRecord):
-        return bool(read_run(folder).settings != json.loads(json.dumps(plan.settings())))
-    return bool(plan_of_cells(folder, plan))
+    if (run := earlier_run(folder)) is None:
+        return bool(plan_of_cells(folder, plan))
+    return bool(run.settings != json.loads(json.dumps(plan.settings())))

@@ -124,9 +124,7 @@ RESIDENT_BYTES = 2**26
 
 
 class Batches:
-    """Random pixels of all training views, on the device of the cameras, whose memory holds the images if they are
-    small.
-    """
+    """Random pixels of all training views, on the device of the cameras, whose memory holds small images."""
 
     def __init__(
         self, cameras: Cameras, rgba: ImageStack, covered_share: float = 0.0, contrast_weight: float = 0.0
@@ -154,7 +152,10 @@ class Batches:
         if device.type == "cuda":
             room = RESIDENT_SHARE * torch.cuda.get_device_properties(device).total_memory
         if 12 * math.prod(rgba.shape[:3]) <= room:
-            self.hold()
+            resident = torch.empty((len(rgba), cameras.height * cameras.width, 3), device=device)
+            for view in range(len(rgba)):  # one image after the other is in the processor's memory
+                resident[view] = torch.from_numpy(over_white(rgba[view])).reshape(-1, 3)
+            self._resident = resident.reshape(-1, 3)
 
     def _cumulated(self, weight: float) -> Float[Tensor, " covered"] | None:
         """Return the cumulated chances of the covered pixels; None if no pixel has a contrast."""
@@ -169,14 +170,6 @@ class Batches:
             return None
         chances = np.cumsum(1.0 + weight * contrasts / contrasts.mean())
         return torch.from_numpy(chances / chances[-1])
-
-    def hold(self) -> None:
-        """Copy the colours of all pixels to the device, view by view."""
-        views, *size = self.rgba.shape[:3]
-        everything = torch.empty((views, math.prod(size), 3), device=self.cameras.camera_to_world.device)
-        for view in range(views):
-            everything[view] = torch.from_numpy(over_white(self.rgba[view])).reshape(-1, 3)
-        self._resident = everything.reshape(-1, 3)
 
     def batch(self, seed: int | str, step: int, count: int) -> Batch:
         """Return `count` rays and their colours over white, which depend only on the arguments. Do not change them:

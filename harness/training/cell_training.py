@@ -23,7 +23,7 @@ from harness.records.pictures import RENDER, Render
 from harness.records.snapshot import Unfinished, read_unfinished, unfinished_path, write_unfinished
 from harness.training.batches import Batch
 from harness.training.checkpoints import checkpoint_path, restore_training, save_checkpoint, training_state
-from harness.training.learner import Learner, take_turn, turn_properties, turns_of, warm_up
+from harness.training.learner import Learner, take_turn, turns_of, warm_up
 from harness.training.saved_renders import KeptRenders
 from harness.training.scoring import evaluate
 from harness.training.scoring.amplifier_effect import amplifier_effect
@@ -37,13 +37,10 @@ from scenes.rendering.occupancy import read_occupancy
 from scenes.view_sets.view_set import ViewSet
 from scenes.view_sets.viewpoints import evenly_spread
 
-CORNERS = 8
-"""The number of voxels between which a point is interpolated."""
-
 
 def flops_per_evaluation(field: object) -> int | None:
-    """Count the operations of density and colour at one point: of a network with its encoder, or of voxels, which
-    interpolate one density and the coefficients of three colours; None for any other field.
+    """Count the operations of density and colour at one point: of a network with its encoder, or of voxels, eight of
+    which interpolate one density and the coefficients of three colours; None for any other field.
     """
     if isinstance(field, nn.Module):
         layers = [layer for layer in field.modules() if isinstance(layer, nn.Linear)]
@@ -52,7 +49,7 @@ def flops_per_evaluation(field: object) -> int | None:
     coefficients: int | None = getattr(field, "coefficients", None)
     if coefficients is None:
         return None
-    return 2 * CORNERS * (1 + 3 * coefficients) + (2 * 3 * coefficients if coefficients > 1 else 0)
+    return 2 * 8 * (1 + 3 * coefficients) + (2 * 3 * coefficients if coefficients > 1 else 0)
 
 
 def content_of(views: ViewSet) -> str | None:
@@ -118,9 +115,7 @@ def _short(value: object) -> object:
 COLLAPSED_OPACITY = 0.02
 """The mean test opacity below which a method has learnt only the background."""
 BILLBOARD_GAP_DB = 6.0
-"""The gap between training and test views from which images count as painted in front of the cameras, if test views
-also score below a copy of the nearest training view.
-"""
+"""The gap from which images count as painted in front of the cameras, if test views also score below the floor."""
 FLAGGED_GAP_DB = 3.0
 """The gap between training and test views from which a warning says so."""
 REFERENCE_LIMITED_DB = 1.0
@@ -367,7 +362,7 @@ class CellTraining:
             parameters=trainer.field.parameter_counts(),
             properties={
                 **properties,
-                **turn_properties(trainer),
+                **(turns.properties() if turns is not None else {}),
                 "flops_per_evaluation": flops_per_evaluation(trainer.field),
                 "rays_per_step": task.train.rays,
             },

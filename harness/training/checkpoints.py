@@ -10,7 +10,6 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -20,11 +19,9 @@ from torch import Tensor
 
 from harness.records.cells import checkpoint_name
 from harness.records.snapshot import Unfinished
+from harness.training.learner import Learner
 from scenes.files.atomic import write_atomically
 from scenes.files.errors import InputError, short
-
-if TYPE_CHECKING:
-    from harness.training.learner import Learner
 
 OCCUPIED = "occupied"
 """The mask of the occupancy grid, stored with the weights: a picture depends on the choice of evaluated points."""
@@ -34,7 +31,7 @@ def checkpoint_path(out: Path, scene: str, method: str, seed: int) -> Path:
     return out / checkpoint_name(scene, method, seed)
 
 
-def tensors_of(learner: "Learner") -> dict[str, Tensor]:
+def tensors_of(learner: Learner) -> dict[str, Tensor]:
     """Return everything that training changed and a picture depends on, by name."""
     tensors = {name: value.contiguous() for name, value in learner.fields.state_dict().items()}
     if learner.grid is not None:
@@ -42,13 +39,13 @@ def tensors_of(learner: "Learner") -> dict[str, Tensor]:
     return tensors
 
 
-def save_checkpoint(learner: "Learner", path: Path) -> None:
+def save_checkpoint(learner: Learner, path: Path) -> None:
     """Write a checkpoint atomically; raises `OSError` naming the file."""
     # not by safetensors itself, whose own error would hide a full disk
     write_atomically(path, save({name: value.cpu() for name, value in tensors_of(learner).items()}))
 
 
-def load_checkpoint(learner: "Learner", path: Path, step: int, digest: str | None = None) -> None:
+def load_checkpoint(learner: Learner, path: Path, step: int, digest: str | None = None) -> None:
     """Restore a learner to its state after `step` steps. Raises `InputError` for a file that is missing, damaged, of
     another network, or whose SHA-256 is not `digest`; nothing is unpickled.
     """
@@ -67,7 +64,7 @@ def load_checkpoint(learner: "Learner", path: Path, step: int, digest: str | Non
 
 
 @torch.no_grad()
-def weights_digest(learner: "Learner") -> str:
+def weights_digest(learner: Learner) -> str:
     """Return 64 hexadecimal digits: equal if every tensor has the same name, type, shape and bits."""
     digest = hashlib.blake2b(digest_size=32)
     for name, value in sorted(tensors_of(learner).items()):
@@ -100,7 +97,7 @@ class Keeping:
         self._due = ended + (max(self._every, (ended - began) / LARGEST_SHARE) if self._every else 0.0)
 
 
-def training_state(learner: "Learner") -> Unfinished:
+def training_state(learner: Learner) -> Unfinished:
     tensors = {f"trained.{name}": value for name, value in tensors_of(learner).items()}
     tensors |= {f"optimiser.{name}": value for name, value in learner.optimiser_tensors().items()}
     listing: dict[str, object] = {
@@ -118,7 +115,7 @@ def training_state(learner: "Learner") -> Unfinished:
     return Unfinished(listing, {name: np.array(value.detach().cpu().numpy()) for name, value in tensors.items()})
 
 
-def restore_training(learner: "Learner", kept: Unfinished) -> None:
+def restore_training(learner: Learner, kept: Unfinished) -> None:
     """Restore a fresh learner of the same settings; the state of another raises any error and spoils this one."""
 
     def tensors(prefix: str) -> dict[str, Tensor]:

@@ -57,10 +57,7 @@ class Clipping:
         self._clipped.fill_(count)
 
     @property
-    def allowed(self) -> float:
-        return float(self._allowed())
-
-    def _allowed(self) -> Float[Tensor, ""]:
+    def allowed(self) -> Float[Tensor, ""]:
         known = torch.clamp(self.ratio * self._usual, max=self.norm)
         return torch.where(self._usual > 0.0, known, self.norm)
 
@@ -70,7 +67,7 @@ class Clipping:
 
     def factor(self, norm: Float[Tensor, ""]) -> Float[Tensor, ""]:
         """Return `scale` as a tensor on the device, for a norm on the device."""
-        norm, allowed, usual = norm.to(self._usual.dtype), self._allowed(), self._usual
+        norm, allowed, usual = norm.to(self._usual.dtype), self.allowed, self._usual
         counted = torch.minimum(norm, SPIKE * allowed)
         moved = torch.where(usual > 0.0, usual + (counted - usual) / NORMS_REMEMBERED, counted)
         self._usual.copy_(torch.where(norm > 0.0, moved, usual))
@@ -143,7 +140,7 @@ class Learner(Stepped, Protocol):
         """Restore the tensors that `harness.training.checkpoints.tensors_of` returned after `step` steps."""
 
     def optimiser_tensors(self) -> dict[str, Tensor]:
-        """Return the optimiser's state ."""
+        """Return the optimiser's state."""
 
     def restore_optimiser(self, tensors: dict[str, Tensor]) -> None:
         """Restore the state that `optimiser_tensors` returned, after `restore`."""
@@ -197,12 +194,6 @@ def turns_of(learner: Stepped) -> TakesTurns | None:
     return turns
 
 
-def turn_properties(learner: Stepped) -> dict[str, float | str | None]:
-    """Return facts of the learner's turns for the record."""
-    turns = turns_of(learner)
-    return {} if turns is None else turns.properties()
-
-
 def take_turn(learner: Stepped, batch_at: Callable[[int], Batch], share: float = 1.0) -> None:
     """Take the learner's next step, or its next turn of many, which ends at the `share` of its budget at the latest."""
     turns = turns_of(learner)
@@ -221,11 +212,9 @@ def steps(learner: L, batch_at: Callable[[int], Batch], until: Callable[[L], boo
 
 def train(learner: L, batch_at: Callable[[int], Batch], until: Callable[[L], bool] | None = None) -> L:
     """Train to the end of the budget, or until `until` holds, which is asked after every step."""
+    advance: Callable[[Stepped, Callable[[int], Batch]], None] = take_step if until else take_turn
     while not (until(learner) if until else learner.progress >= 1.0):
-        if until:
-            take_step(learner, batch_at)
-        else:
-            take_turn(learner, batch_at)
+        advance(learner, batch_at)
     return learner
 
 

@@ -1,7 +1,6 @@
 """All methods of one scene and seed, trained in turn on the same batches, each on its own clock; or one method."""
 
 from collections.abc import Callable, Iterator
-from typing import TypeVar
 
 import torch
 
@@ -22,8 +21,6 @@ from harness.training.shared_state import left_as_it_was
 from scenes.files.errors import InputError
 from scenes.modelling.needs import part_name
 from scenes.view_sets.view_set import ViewSet
-
-T = TypeVar("T")
 
 
 def train_group(
@@ -48,8 +45,7 @@ def train_group(
     def fresh(method: str) -> CellTraining:
         job = Job(method, box, task.train, task.budget, stream, device, directed)
         learner = (made_by or learner_for)(job)
-        in_turns = turns_of(learner) is not None
-        batch_at = batches.for_learner(learner.whole_views, stream, task.train.rays, in_turns)
+        batch_at = batches.for_learner(learner.whole_views, stream, task.train.rays, turns_of(learner) is not None)
         return CellTraining(learner, batch_at, views, task, provenance, floor)
 
     runners = []
@@ -61,8 +57,10 @@ def train_group(
             runners.append(started)
     active = list(runners)
     keeping = Keeping(task.keep_every)
-    for order in turns(active):
-        for runner in order:
+    turn = 0
+    while active:
+        first = turn % len(active)
+        for runner in active[first:] + active[:first]:  # the order rotates, so that caches favour no method
             record = runner.advance()
             if record is not None:
                 active.remove(runner)
@@ -72,6 +70,7 @@ def train_group(
                     for notice in filter(None, [cell.keep() for cell in active]):
                         on_notice(notice)
         on_progress(sum(min(runner.progress, 1.0) for runner in runners) / len(runners))
+        turn += 1
 
 
 def _batches(views: ViewSet, settings: TrainSettings, device: torch.device) -> Batches:
@@ -103,15 +102,6 @@ def _started(
     if notice:
         on_notice(notice)
     return runner
-
-
-def turns(active: list[T]) -> Iterator[list[T]]:
-    """Yield the order of each turn until `active` is empty. The order rotates, so that caches favour no member."""
-    turn = 0
-    while active:
-        first = turn % len(active)
-        yield active[first:] + active[:first]
-        turn += 1
 
 
 def box_of(views: ViewSet, device: torch.device) -> Box:
@@ -146,7 +136,6 @@ def trained_alone(
     directed = needs_view_direction(views)
     learner = learner_for(Job(method, box_of(views, device), settings, budget, stream, device, directed))
     batches = _batches(views, settings, device)
-    in_turns = turns_of(learner) is not None
-    batch_at = batches.for_learner(learner.whole_views, stream, settings.rays, in_turns)
+    batch_at = batches.for_learner(learner.whole_views, stream, settings.rays, turns_of(learner) is not None)
     warm_up(learner, batch_at)
     return train(learner, batch_at)

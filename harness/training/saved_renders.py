@@ -43,9 +43,7 @@ SAME_COLOUR = 0.01
 
 
 def saved_views(test: Split, count: int) -> list[int]:
-    """Return indices of at most `count` evenly spread test views, the same for every cell of a scene; fewer or none if
-    the file of their truth would be too large.
-    """
+    """Return at most `count` evenly spread test views, equal for all cells; fewer if their truth would be too large."""
     count = min(count, ROOM // (_pixels(test) * TRUTH_BYTES))
     spread = np.linspace(0, len(test.names) - 1, count + 2).round().astype(int)[1:-1].tolist()
     return list(dict.fromkeys(spread))

@@ -58,7 +58,6 @@ class Diverged(ArithmeticError):
 
     def __init__(self, step: int, tensor: str) -> None:
         super().__init__(f"not finite at step {step}: {tensor}")
-        self.step = step
         self.tensor = tensor
 
 
@@ -102,9 +101,7 @@ class BudgetedTrainer(ABC):
         self, loss: float, norms: tuple[float, float], evaluations: int, rays: int, rate: float | None = None,
         more: Mapping[str, float | None] | None = None,
     ) -> None:  # fmt: skip
-        """End a step; `norms` of the gradient are before and after clipping, `rate` is common to all weights, `more` is
-        traced as well.
-        """
+        """End a step; `norms` of the gradient are before and after clipping, `more` is traced as well."""
         traced = self._is_traced
         self.step += 1
         self.last_loss = loss

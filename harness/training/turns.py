@@ -223,8 +223,9 @@ class Turns:
 
     def _prepare(self, batch: Batch) -> None:
         """Capture a step unless the last captured one has the same shapes and places of memory; off the clock."""
-        trainer = self.trainer
-        _adam_of(trainer).prepare()
+        trainer, optimiser = self.trainer, self.trainer.optimiser
+        assert isinstance(optimiser, TorchOptimisers)
+        optimiser.prepare()
         if self._memory is None and trainer.grid is not None:
             with torch.no_grad():
                 counts = trainer.loss(batch.rays, batch.colours, self._recorder()).counts
@@ -304,12 +305,6 @@ class Turns:
 
 def _nothing() -> None:
     pass
-
-
-def _adam_of(trainer: Trainer) -> TorchOptimisers:
-    optimiser = trainer.optimiser
-    assert isinstance(optimiser, TorchOptimisers)
-    return optimiser
 
 
 def _is_valid(row: list[float]) -> bool:

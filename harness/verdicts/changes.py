@@ -41,27 +41,25 @@ class Change:
     """Scene → the change of the mean over seeds."""
 
 
-def change(
-    method: str, against: str, before: Condition, after: Condition, metric: str = PRIMARY, family: int = 1
-) -> Change | None:
-    """Return the change of a difference, one of `family` that are judged together; None without a shared scene."""
+def change(method: str, against: str, before: Condition, after: Condition, family: int = 1) -> Change | None:
+    """Return the change of a difference of PSNR, one of `family` judged together; None without a shared scene."""
     tables, seeds = [], []
     for situation in (before, after):
         by_key, scenes, numbers = keyed(situation.cells)
-        tables.append(differences(by_key, scenes, numbers, method, against, metric, situation.budget))
+        tables.append(differences(by_key, scenes, numbers, method, against, PRIMARY, situation.budget))
         seeds.append(numbers)
-    return change_of(method, against, *tables, paired=seeds[0] == seeds[1], metric=metric, family=family)
+    return change_of(method, against, *tables, paired=seeds[0] == seeds[1], family=family)
 
 
-def changes(methods: Iterable[str], before: Condition, after: Condition, metric: str = PRIMARY) -> list[Change]:
+def changes(methods: Iterable[str], before: Condition, after: Condition) -> list[Change]:
     """Return the changes of all compared pairs of `methods`, which form a family."""
     pairs = USUAL.pairs(methods)
-    all_changes = (change(*pair, before, after, metric, len(pairs)) for pair in pairs)
+    all_changes = (change(*pair, before, after, len(pairs)) for pair in pairs)
     return [each for each in all_changes if each is not None]
 
 
 def change_of(
-    method: str, against: str, before: Table, after: Table, *, paired: bool, metric: str = PRIMARY, family: int = 1
+    method: str, against: str, before: Table, after: Table, *, paired: bool, family: int = 1
 ) -> Change | None:
     """Return the change between two tables of differences, over the scenes with a difference in both; with `paired`
     they have the same seeds in the same order.
@@ -83,9 +81,9 @@ def change_of(
     means = [np.nanmean(side, axis=1) for side in (first, second)]
     moved = means[1] - means[0]
     if paired:
-        judgement = judged(dict(zip(shared, second - first, strict=True)), metric, family)
+        judgement = judged(dict(zip(shared, second - first, strict=True)), PRIMARY, family)
     else:
-        margin, pairs = METRICS[metric].smallest_of_interest, int(np.isfinite(second).sum())
+        margin, pairs = METRICS[PRIMARY].smallest_of_interest, int(np.isfinite(second).sum())
         less = nested.less(nested.on_these_scenes(second), nested.on_these_scenes(first))
         here = estimate(difference_of(less, len(moved), family), margin)
         elsewhere = estimate(paired_difference(moved, family), margin) if len(moved) > 1 else None

@@ -38,12 +38,9 @@ def by_holm(rows: list[Comparison], along: Sequence[Budget]) -> list[Comparison]
         adjusted = holm([each.p if each else None for each in known], len(places))
         for place, each, p in zip(places, known, adjusted, strict=True):
             if each is not None and p is not None:
-                rows[place] = _with(rows[place], sense, decided(each, p, rows[place].difference or 0.0, MARGIN))
+                row, sure = rows[place], decided(each, p, rows[place].difference or 0.0, MARGIN)
+                changes: dict[str, object] = {sense: sure}
+                if sense == "scenes_like_these" or row.scenes_like_these is None:
+                    changes |= {"simultaneous": sure.simultaneous, "verdict": sure.verdict}
+                rows[place] = replace(row, **changes)
     return rows
-
-
-def _with(row: Comparison, sense: str, known: Estimate) -> Comparison:
-    changes: dict[str, object] = {sense: known}
-    if sense == "scenes_like_these" or row.scenes_like_these is None:
-        changes |= {"simultaneous": known.simultaneous, "verdict": known.verdict}
-    return replace(row, **changes)

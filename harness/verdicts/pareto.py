@@ -14,10 +14,10 @@ from jaxtyping import Float
 DRAWS = 4000
 
 
-def resamples(scenes: int, draws: int = DRAWS) -> Float[np.ndarray, "draws scenes"]:
+def resamples(scenes: int) -> Float[np.ndarray, "draws scenes"]:
     """Return how often each scene is drawn, as weights of sum 1; the draws are always the same."""
     generator = np.random.default_rng(0)
-    return generator.multinomial(scenes, np.full(scenes, 1.0 / scenes), size=draws) / scenes
+    return generator.multinomial(scenes, np.full(scenes, 1.0 / scenes), size=DRAWS) / scenes
 
 
 def drawn_means(

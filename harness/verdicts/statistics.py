@@ -38,25 +38,21 @@ WEIGHTS = np.exp(-(NORMAL**2) / 2) / np.exp(-(NORMAL**2) / 2).sum()
 
 @dataclass(frozen=True)
 class PairedDifference:
-    """A mean of paired differences, its two-sided 95 % interval, and what such a sample can detect."""
+    """A mean of paired differences, with the error that it has and what an `Estimate` says of it."""
 
     mean: float
     interval: tuple[float, float] | None
-    """The 95 % interval; None with fewer than two units."""
+    """The two-sided 95 % interval; None with fewer than two units."""
     smallest_detectable: float | None
-    """The true difference whose sign 80 % of such samples find, if the true spread is the measured one."""
     units: int
     simultaneous: tuple[float, float] | None = None
-    """The interval that a verdict comes from: in 95 % of repetitions all such intervals of the family contain the truth
-    (Bonferroni). Equal to `interval` for a family of one."""
+    """The interval of a family (Bonferroni); equal to `interval` for a family of one."""
     error: float | None = None
     freedom: float | None = None
     family: int = 1
     effect: float | None = None
-    """The standardised effect: the mean divided by the standard deviation behind `error`, of pairs within a scene or of
-    scenes. None if that is 0."""
+    """The mean divided by the standard deviation behind `error`; None if that is 0."""
     p: float | None = None
-    """The two-sided p-value of a difference of 0, by the t of `interval`: below 5 % if that excludes 0."""
 
 
 def paired_difference(differences: np.ndarray, family: int = 1) -> PairedDifference:
@@ -143,14 +139,10 @@ def p_value(mean: np.ndarray | float, error: np.ndarray | float, freedom: np.nda
     return np.asarray(np.where(np.isinf(score), 0.0, 2.0 * stdtr(freedom, -score)))
 
 
+@lru_cache(maxsize=4096)
 def critical(freedom: float, family: int = 1) -> float:
     """Return the half-width, in standard errors, of each of `family` two-sided intervals that hold together in 95 %."""
-    return _quantile(1.0 - (1.0 - CONFIDENCE) / 2 / family, freedom)
-
-
-@lru_cache(maxsize=4096)
-def _quantile(share: float, freedom: float) -> float:
-    return float(stdtrit(freedom, share))
+    return float(stdtrit(freedom, 1.0 - (1.0 - CONFIDENCE) / 2 / family))
 
 
 def sign_test(ahead: int, behind: int) -> float:
@@ -180,12 +172,8 @@ def share_found(shift: float, threshold: float, freedom: float) -> float:
     """Return the share of repetitions that find a true mean of `shift` standard errors, by the noncentral t: the mean,
     over possible estimates, of the probability that the estimated error is small enough.
     """
-    return float(WEIGHTS @ _error_below((NORMAL + shift) / threshold, freedom))
-
-
-def _error_below(bound: np.ndarray, freedom: float) -> np.ndarray:
-    """Return the probability (χ) that the estimated standard error is below `bound` true standard errors."""
-    return np.asarray(gammainc(freedom / 2, freedom / 2 * np.maximum(bound, 0.0) ** 2))
+    bound = np.maximum((NORMAL + shift) / threshold, 0.0)  # of the estimated error, in true standard errors
+    return float(WEIGHTS @ gammainc(freedom / 2, freedom / 2 * bound**2))
 
 
 def decided(known: Estimate, adjusted: float, difference: float, smallest_of_interest: float) -> Estimate:

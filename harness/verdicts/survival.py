@@ -164,14 +164,6 @@ class Paired:
             scene: np.array([values.get((scene, seed), math.nan) for seed in self.seeds]) for scene in self.horizons
         }
 
-    @property
-    def ratios(self) -> dict[str, np.ndarray]:
-        return self.table(lambda first, second: math.log(first / second))
-
-    @property
-    def apart(self) -> dict[str, np.ndarray]:
-        return self.table(lambda first, second: first - second)
-
     def count(self, known: str) -> tuple[int, int]:
         first, second = (sum(pair[side].known == known for pair in self.pairs.values()) for side in (0, 1))
         return first, second
@@ -202,15 +194,17 @@ def compared(
     here = elsewhere = apart = saving = None
     # if both times of every pair are bounds on the same side, it is unknown which was sooner
     if not all(first.known == second.known != "reached" for first, second in paired.pairs.values()):
-        saving = _per_cent(on_these_scenes(paired.ratios).mean)
-        if scene == "all" and len(paired.horizons) > 1:
-            here = _estimate(paired, on_these_scenes(paired.ratios, family))
-            elsewhere = _estimate(paired, scenes_like_these(paired.ratios, family))
-            apart = scenes_like_these(paired.apart)
+        ratios = paired.table(lambda first, second: math.log(first / second))
+        differences = paired.table(lambda first, second: first - second)
+        saving = _per_cent(on_these_scenes(ratios).mean)
+        if scene == "all" and len(ratios) > 1:
+            here = _estimate(paired, on_these_scenes(ratios, family))
+            elsewhere = _estimate(paired, scenes_like_these(ratios, family))
+            apart = scenes_like_these(differences)
         else:
-            (only,) = paired.horizons
-            here = _estimate(paired, on_one_scene(paired.ratios[only], family), len(paired.pairs) >= FEWEST_SEEDS)
-            apart = on_one_scene(paired.apart[only])
+            (only,) = ratios
+            here = _estimate(paired, on_one_scene(ratios[only], family), len(paired.pairs) >= FEWEST_SEEDS)
+            apart = on_one_scene(differences[only])
     estimated = elsewhere or here or NO_ESTIMATE
     never, earlier = paired.count("never"), paired.count("earlier")
     low, high = estimated.interval or (None, None)

@@ -47,8 +47,7 @@ class MethodView:
 
     @staticmethod
     def of(cell: TrainedCell, store: ViewStore) -> "MethodView":
-        cached = CachedMethod(cell.learner, store, cell.chunk)
-        return MethodView(cell.cell.method, cell.learner, cached, cell.chunk)
+        return MethodView(cell.cell.method, cell.learner, CachedMethod(cell.learner, store, cell.chunk), cell.chunk)
 
     def learn(self, rays: int, seconds: float) -> None:
         """Replace the pace by its geometric mean with a new measurement."""

@@ -82,7 +82,9 @@ def covering(camera: Camera, bounds: np.ndarray) -> Camera:
 class BadRequest(ValueError):
     """A request that a page would not send; the message begins with the faulty part, and says what to send instead."""
 
-    status = 400
+    def __init__(self, why: str, status: int = 400) -> None:
+        super().__init__(why)
+        self.status = status
 
 
 class ViewRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -47,12 +47,6 @@ BODY_SECONDS = 10.0
 Made = TypeVar("Made")
 
 
-class Refused(BadRequest):
-    def __init__(self, status: int, why: str) -> None:
-        super().__init__(why)
-        self.status = status
-
-
 @dataclass
 class Desk:
     """The requests in progress, all of whose work is done in one thread, piece by piece."""
@@ -67,12 +61,9 @@ class Desk:
         return await asyncio.get_running_loop().run_in_executor(self.worker, work, *arguments)
 
     def enter(self, asked: ViewRequest) -> None:
-        """Register a request; the page's earlier one is cancelled after its current chunk of rays.
-
-        Raises `Refused` for a request that is not newer.
-        """
+        """Register a request, which cancels the page's earlier one; raises `BadRequest` if it is not newer."""
         if asked.generation <= (known := self.newest.get(asked.client, -1)):
-            raise Refused(409, f"generation {asked.generation}: this page has asked for number {known} already")
+            raise BadRequest(f"generation {asked.generation}: this page has asked for number {known} already", 409)
         self.newest[asked.client] = asked.generation
         self.newest.move_to_end(asked.client)
         while len(self.newest) > MOST_CLIENTS:
@@ -147,7 +138,7 @@ def application(shown: ShownRun, worker: ThreadPoolExecutor, hosts: list[str]) -
         if request.headers.get("content-type", "").partition(";")[0].strip().lower() != "application/json":
             return PlainTextResponse("send JSON, with its content type", 415)
         if desk.streams >= MOST_STREAMS:
-            raise Refused(503, f"{MOST_STREAMS} views are being rendered already: ask again in a moment")
+            raise BadRequest(f"{MOST_STREAMS} views are being rendered already: ask again in a moment", 503)
         desk.streams += 1
         try:
             asked = parsed(await _body(request))
@@ -188,7 +179,7 @@ async def _body(request: Request) -> bytes:
                 if len(body) > LARGEST_BODY:
                     raise BadRequest(f"the request has more than {LARGEST_BODY} bytes")
     except TimeoutError as error:
-        raise Refused(408, f"the request did not arrive within {BODY_SECONDS:g} seconds") from error
+        raise BadRequest(f"the request did not arrive within {BODY_SECONDS:g} seconds", 408) from error
     return body
 
 

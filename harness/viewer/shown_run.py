@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Generator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -24,15 +23,6 @@ from harness.viewer.wire import frame_message, message, picture_message
 from scenes.files.errors import DamagedRecord, InputError
 from scenes.view_sets.pixels import over_white
 from scenes.view_sets.view_set import Split
-
-
-class TrueViews(NamedTuple):
-    """The test views of one scene at one size; without any, `missing` has the reason."""
-
-    split: Split | None
-    names: tuple[str, ...]
-    missing: str = ""
-
 
 TRUTHS = 2
 
@@ -55,7 +45,8 @@ class ShownRun:
     loaded: dict[tuple[str, str], engine.MethodView] = field(default_factory=dict)
     lenses: dict[str, Camera] = field(default_factory=dict)
     """Map scene → a camera with the lens of its views."""
-    truths: dict[str, TrueViews] = field(default_factory=dict)
+    truths: dict[str, Split | str] = field(default_factory=dict)
+    """Map scene → its test views, or the reason why they are missing."""
     sources: Counter[str] = field(default_factory=Counter)
     """The number of complete pictures by origin: a place of the view cache, or `rendered`."""
 
@@ -104,6 +95,7 @@ class ShownRun:
         """List one scene: the size of its pictures, the first camera and those of the test views, and its cells."""
         scene = self.scene(name)
         truth = self.truth(scene)
+        views = [] if isinstance(truth, str) else list(zip(truth.names, truth.camera_to_world, strict=True))
         centre = np.mean(scene.bounds, axis=0)
         width = self.width or scene.width
         return {
@@ -113,11 +105,8 @@ class ShownRun:
             "width": width,
             "height": max(1, round(scene.height * width / scene.width)),
             "start": asdict(_start(scene)),
-            "views": [
-                {"name": view, **asdict(orbit_of(pose, centre))}
-                for view, pose in zip(truth.names, truth.split.camera_to_world if truth.split else (), strict=True)
-            ],
-            "missing": truth.missing,
+            "views": [{"name": view, **asdict(orbit_of(pose, centre))} for view, pose in views],
+            "missing": truth if isinstance(truth, str) else "",
             "psnr_ceiling": scene.psnr_ceiling,
             "psnr_floor": scene.psnr_floor,
             "cells": {method: self._cell(name, method) for method in self.run.run.methods},
@@ -144,19 +133,16 @@ class ShownRun:
                 return scene
         raise BadRequest("scene: the run has no such scene")
 
-    def truth(self, scene: SceneRecord) -> TrueViews:
-        """Return the test views at their width or the shown width, whichever is smaller. Decoded images go to the run's
-        folder if it can be written. A fault of the view set becomes the reason why the views are missing.
-        """
+    def truth(self, scene: SceneRecord) -> Split | str:
+        """Return the test views at the smaller of their and the shown width, or the fault of the view set."""
         if scene.name not in self.truths:
             if len(self.truths) >= TRUTHS:
                 del self.truths[next(iter(self.truths))]
             width, scratch = min(self.width or scene.width, scene.width), None if self.memory_alone else self.run.out
             try:
-                split = self.run.views(scene, self.view_sets, width, scratch=scratch).test
-                self.truths[scene.name] = TrueViews(split, split.names)
+                self.truths[scene.name] = self.run.views(scene, self.view_sets, width, scratch=scratch).test
             except (InputError, OSError) as error:
-                self.truths[scene.name] = TrueViews(None, (), f"No ground truth: {error}")
+                self.truths[scene.name] = f"No ground truth: {error}"
         return self.truths[scene.name]
 
     def method_view(self, scene: SceneRecord, method: str) -> engine.MethodView:
@@ -180,9 +166,9 @@ class ShownRun:
     def _test_views(self, scene: SceneRecord, view: int) -> Split:
         """Return the test views; raises `BadRequest` if `view` is none of their numbers."""
         truth = self.truth(scene)
-        if truth.split is None or view >= len(truth.names):
-            raise BadRequest(f"view: there are {len(truth.names)} test views")
-        return truth.split
+        if isinstance(truth, str) or view >= len(truth.names):
+            raise BadRequest(f"view: there are {0 if isinstance(truth, str) else len(truth.names)} test views")
+        return truth
 
     def truth_message(self, name: str, view: int) -> bytes:
         split = self._test_views(self.scene(name), view)

@@ -15,6 +15,7 @@ from dataclasses import fields
 import numpy as np
 
 from harness.viewer.engine import FreshPixels
+from harness.viewer.film.frames import as_levels
 
 ARRAYS = ("pixels", "colour", "opacity", "depth")
 HIT = 0.5
@@ -46,13 +47,8 @@ def _with_pixels(
     kind: str, header: dict[str, object], pixels: np.ndarray, colour: np.ndarray, opacity: np.ndarray, depth: np.ndarray
 ) -> bytes:
     shown = np.where(opacity >= HIT, depth, 0.0)
-    parts = (pixels.astype("<u4"), shown.astype("<f4"), _bytes(colour), _bytes(opacity))
+    parts = (pixels.astype("<u4"), shown.astype("<f4"), as_levels(colour), as_levels(opacity))
     return _packed({"kind": kind, **header, "pixels": len(pixels)}, b"".join(part.tobytes() for part in parts))
-
-
-def _bytes(values: np.ndarray) -> np.ndarray:
-    levels: np.ndarray = np.rint(255.0 * np.clip(values, 0.0, 1.0)).astype(np.uint8)
-    return levels
 
 
 def _packed(header: dict[str, object], payload: bytes) -> bytes:

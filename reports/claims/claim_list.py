@@ -13,7 +13,7 @@ from reports.claims import time as times
 from reports.claims.ledger import Bench, Claim, Finding, claim_of
 from reports.data.load import Records
 from reports.data.scale import in_a_line
-from reports.data.shelf_records import NO_SHELVES, ShelfRecords
+from reports.data.studies_load import NO_SHELVES, ShelfRecords
 from reports.data.wording import UNTESTED, VERDICTS, Verdict, number, signed
 
 KINDS = {

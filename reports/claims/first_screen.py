@@ -3,9 +3,7 @@
 It is built from the ledger, the run's comparisons and the evidence, if there is a record; it computes nothing.
 """
 
-import re
 from dataclasses import dataclass
-from functools import partial
 from statistics import fmean
 from typing import NamedTuple
 
@@ -17,19 +15,17 @@ from reports.claims.ledger import Claim, by_cause
 from reports.claims.table import LOOKS, in_a_sentence, link_of, measured_entry, printed_entry, printed_text
 from reports.data.load import Records
 from reports.data.scale import in_a_line
-from reports.data.shelf_records import ShelfRecords
+from reports.data.studies_load import ShelfRecords
 from reports.data.wording import NARROW, UNTESTED, counted, listed, number
 from reports.page.grid import Entry
 from reports.studies.check_words import describe
 
-PLACE = re.compile(r"\{([^{}]+)\}")
 MAX_CLAIMS = 8
 
 
 @dataclass(frozen=True)
 class Line:
     words: str
-    source: str
     printed: Entry
     measured: Entry
     """The measurement with its interval, and the runs of this report behind it."""
@@ -57,7 +53,7 @@ def first_screen(records: Records, claims: list[Claim], shelves: ShelfRecords) -
             elsewhere = claim.scale.split(". ")[0] if claim.scale != here else ""
             note = "; ".join(filter(None, [claim.note, elsewhere]))
             figures = printed_entry(claim), measured_entry(claim)
-            lines.append(Line(words, claim.source, *figures, claim.verdict, *LOOKS[claim.verdict], note))
+            lines.append(Line(words, *figures, claim.verdict, *LOOKS[claim.verdict], note))
     return FirstScreen(
         question(records, claims),
         lines,
@@ -84,7 +80,10 @@ def question(records: Records, claims: list[Claim]) -> str:
         of_file = {claim.id: claim for claim in claims if claim.file == file.id}
         own = {name: printed_text(claim).replace(" %", f"{NARROW}%") for name, claim in of_file.items()}
         if file.question and set(file.methods) & set(records.methods):
-            return PLACE.sub(partial(_number, own), file.question)
+            asked = file.question
+            for name, text in own.items():
+                asked = asked.replace(f"{{{name}}}", text)
+            return asked
         if file.id == STATED and len(file.claims) == 1:
             ((name, stated),) = of_file.items()
             return f"Does it hold that {stated.statement} {link_of(stated)} {own[name]}?"
@@ -96,14 +95,8 @@ def question(records: Records, claims: list[Claim]) -> str:
     return f"How {'do' if len(contenders) > 1 else 'does'} {listed(contenders)} compare with {baseline}?"
 
 
-def _number(texts: dict[str, str], place: re.Match[str]) -> str:
-    return texts.get(place[1], place[0])
-
-
 def guests(records: Records) -> str:
-    """State what a method of another family reaches in the core seconds of the baseline, and what Gaussians that were
-    given reach; empty if there is neither.
-    """
+    """State what methods of other families reach in the core seconds of the baseline, and what given Gaussians do."""
     return ". ".join(filter(None, (_guest(records, name) for name in records.run.guests)))
 
 
@@ -128,7 +121,6 @@ def _guest(records: Records, name: str) -> str:
 
 
 def how_sure(records: Records, evidence: Studies | None) -> list[str]:
-    """State the interval of the answer, its power, and how often the comparer itself errs."""
     sentences = []
     stated = next((file.claims[0] for file in records.run.claims or [] if file.id == STATED), None)
     if stated is not None:

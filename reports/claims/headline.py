@@ -30,7 +30,7 @@ from reports.data.scale import value_at
 from reports.data.table import average_of, cells_frame, shared_scenes
 from reports.data.wording import BUDGETS, UNTESTED, counted, interval, listed, number, signed
 
-LOST = ("diverged", "error")
+LOST = {"diverged", "error"}
 ANSWERS = {"holds": "Yes", "fails": "No", "": "Open", "muted": "Not tested"}
 """The tone of a claim's verdict → the answer to whether it holds."""
 FURTHER = 2
@@ -51,7 +51,6 @@ class Headline:
     but: list[str]
     """What qualifies the answer: unfinished training, lost runs."""
     sentences: list[str]
-    duels: list[Duel]
 
     @property
     def title(self) -> str:
@@ -83,7 +82,7 @@ def headline(records: Records) -> Headline:
     if stated := _stated(records):
         sentences = [f"{'; '.join([answer, *but])}.", *sentences]
         answer, but = stated
-    return Headline(answer, but, [sentence for sentence in sentences if sentence], fought)
+    return Headline(answer, but, [sentence for sentence in sentences if sentence])
 
 
 def _stated(records: Records) -> tuple[str, list[str]] | None:
@@ -109,14 +108,11 @@ def _stated(records: Records) -> tuple[str, list[str]] | None:
 def title_of(
     judged: Sequence[Outcome], method: str, baseline: str, control: str | None, how: str, more: Iterable[str] = ()
 ) -> str:
-    """Return the answer of `answer_of`, and behind it what `more` must be known."""
     return "; ".join(filter(None, [answer_of(judged, method, baseline, control, how), *more]))
 
 
 def answer_of(judged: Sequence[Outcome], method: str, baseline: str, control: str | None, how: str) -> str:
-    """State the differences of `method` at equal steps and, behind them, those of others; then `how` they were
-    compared. `control` is the baseline with the bandwidth of φ, if it was run.
-    """
+    """State the differences of `method` and, behind them, those of others; then `how` they were compared."""
     first = {outcome.against: outcome for outcome in judged if outcome.method == method}
     if baseline in first:
         start = _of_first(first[baseline], first.get(control or ""), control)
@@ -155,15 +151,14 @@ def outcome_of(records: Records, row: Comparison | None) -> Outcome | None:
 
 
 def _outcome(records: Records, method: str, fought: list[Duel]) -> tuple[str, list[str]]:
-    """State the first contender's differences; and what qualifies them, with those of the second unless one clause
-    says all.
+    """State the differences of `method`, and what qualifies them: those of the second contender, unless one clause says
+    all, unfinished training and lost runs.
     """
     baseline, control = records.baseline, records.control
-    cells = [cell for cell in records.cells if cell.method == method]
-    lost = sum(cell.status in LOST for cell in cells)
-    if cells and all(cell.status == "not_available" for cell in cells):
+    statuses = {cell.status for cell in records.cells if cell.method == method}
+    if statuses == {"not_available"}:
         return f"{method} was not available: nothing can be said of it", []
-    if cells and lost == len(cells):
+    if statuses and statuses <= LOST:
         return f"{method} did not finish a single run: nothing can be said of its quality", []
     two = records.contenders[:2]
     judged = [each for duel in fought if duel.method in two and (each := outcome_of(records, duel.steps))]
@@ -234,9 +229,7 @@ def _bandwidth(records: Records, method: str) -> str:
 
 
 def from_steps_to_time(records: Records, method: str) -> list[str]:
-    """State how each difference of `method` changes from equal steps to equal time, judged as a change together with
-    those of all pairs of the headline.
-    """
+    """State how each difference changes from equal steps to equal time; all pairs of the headline are one family."""
     steps, time = records.budgets
     pairs = [(duel.method, duel.against) for duel in duels(records) if duel.method == method]
     before, after = Condition(records.cells, steps), Condition(records.cells, time)

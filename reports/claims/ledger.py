@@ -90,10 +90,8 @@ MOST_SEEDS = 1000
 
 
 def half_unit(printed: Number, unit: str = "") -> float:
-    """Return half of the last printed digit, the maximum error by rounding: 1.4 → 0.05, 257 → 0.5, 67 000 → 500. dB and
-    hours are printed with one decimal, even if it is 0.
-    """
-    if unit in ("dB", "h"):
+    """Return half of the last printed digit, the maximum error by rounding: 1.4 → 0.05, 257 → 0.5, 67 000 → 500."""
+    if unit in ("dB", "h"):  # printed with one decimal, even if it is 0
         return 0.05
     if isinstance(printed, int) or float(printed).is_integer():
         digits = str(abs(int(printed)))

@@ -149,8 +149,7 @@ def differences_grids(records: Records) -> list[Grid]:
 
 
 def _differences(records: Records, method: str, pairs: list[tuple[str, Budget]], control: str | None) -> Grid:
-    gains = [printed_gain(records, scene, method, pairs[0][0]) for scene in records.scenes]
-    printed = any(gain is not None for gain in gains)
+    printed = printed_gains(records, records.scenes, method, pairs[0][0])
     columns = [Column("scene", numeric=False)]
     columns += [Column(f"− {rival}", rival, f"at {BUDGETS[budget]}") for rival, budget in pairs]
     columns += [Column("Δ", small="printed")] if printed else []
@@ -160,16 +159,15 @@ def _differences(records: Records, method: str, pairs: list[tuple[str, Budget]],
         for rival, budget in pairs
     }
     q = dict(zip(compared, benjamini_hochberg([row.p if row else None for row in compared.values()]), strict=True))
-    known = [gain for gain in gains if gain is not None]
-    mean = sum(known) / len(known) if known and len(known) == len(gains) else None
     rows = []
-    for scene, gain in zip([*records.scenes, "all"], [*gains, mean], strict=True):
+    for scene in [*records.scenes, "all"]:
         row = [Entry("all scenes" if scene == "all" else scene)]
         row += [
             difference_entry(records.comparison(scene, method, rival, budget=budget), q.get((scene, rival, budget)))
             for rival, budget in pairs
         ]
-        rows.append(row + [Entry(signed(gain, 1), tone="muted", value=gain)] * printed)
+        gain = printed.get(scene)
+        rows.append(row + [Entry(signed(gain, 1), tone="muted", value=gain)] * bool(printed))
     note = "Difference in test PSNR (dB), the 95 % interval that the verdict is taken from, and its sign and size. "
     note += "A scene's interval is over seeds, that of all scenes on scenes like these."
     note += f" {DISCOVERIES}" if any(each is not None for each in q.values()) else ""
@@ -213,8 +211,9 @@ def _printed(records: Records, scene: str) -> dict[str, float]:
     return {method: value for row in reversed(rows) for method, value in row.items()}
 
 
-def printed_gain(records: Records, scene: str, method: str, against: str) -> float | None:
-    """Return the printed difference of two methods on a scene; None if a score of either is not printed."""
-    row = _printed(records, scene)
+def printed_gains(records: Records, scenes: list[str], method: str, against: str) -> dict[str, float]:
+    """Map scene → the printed difference of two methods, and `all` → its mean if it is printed for each scene."""
+    rows = {scene: row for scene in scenes if {method, against} <= (row := _printed(records, scene)).keys()}
     # decimals are not binary fractions
-    return round(row[method] - row[against], 9) if {method, against} <= row.keys() else None
+    gains = {scene: round(row[method] - row[against], 9) for scene, row in rows.items()}
+    return gains | ({"all": sum(gains.values()) / len(gains)} if gains and len(gains) == len(scenes) else {})

@@ -76,7 +76,6 @@ def measured_entry(claim: Claim) -> Entry:
 
 
 def _numbers(value: Number | Pair | None) -> tuple[Number | None, dict[str, float | None]]:
-    """Return a number, or the ends of a range, which is not an interval."""
     return (None, {"from": value[0], "to": value[1]}) if isinstance(value, tuple) else (value, {})
 
 

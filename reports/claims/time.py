@@ -52,11 +52,8 @@ def _on_them(row: TargetComparison) -> Pair | None:
 
 
 def _sides(row: TargetComparison) -> tuple[bool, bool]:
-    """Return whether the true saving may be larger, and whether it may be smaller.
-
-    It may be larger if a run of the rival never reached the target, or one of the method reached it before the first
-    checkpoint; it may be smaller in the reverse cases.
-    """
+    """Return whether the true saving may be larger, and whether it may be smaller."""
+    # larger: a run of the rival never reached the target, or one of the method had it by the first checkpoint
     return bool(row.never[1] or row.earlier[0]), bool(row.never[0] or row.earlier[1])
 
 

@@ -4,7 +4,7 @@ Any fault of a file is reported once, naming the file and the remedy: no traceba
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -40,13 +40,6 @@ class NoRecords(ValueError):
 
 class NotForPublishing(ValueError):
     """A record whose figures are too rough to be shown to others."""
-
-
-def refuse_quick(settings: Mapping[str, object], path: Path) -> None:
-    if settings.get("quick"):
-        raise NotForPublishing(
-            f"{path}: a quick run, too rough to publish; measure again without --quick, or leave out --publish"
-        )
 
 
 @dataclass(frozen=True)
@@ -90,8 +83,9 @@ class Records:
     def pictured_cells(self) -> list[CellRecord]:
         return [*self.cells, *self.guest_cells]
 
-    def has_curve(self, guest: str) -> bool:
-        return any(cell.curve for cell in self.guest_cells if cell.method == guest)
+    @property
+    def every_cell(self) -> list[CellRecord]:
+        return [*self.cells, *self.extra_cells, *self.guest_cells]
 
     @property
     def baseline(self) -> str:
@@ -119,25 +113,22 @@ class Records:
 
     @property
     def failed(self) -> list[CellRecord]:
-        every = (*self.cells, *self.extra_cells, *self.guest_cells)
-        return [cell for cell in every if cell.status in ("diverged", "error")]
+        return [cell for cell in self.every_cell if cell.status in ("diverged", "error")]
 
     @property
-    def not_available(self) -> dict[str, dict[str, int]]:
+    def not_available(self) -> dict[str, Counter[str]]:
         """Map method → reason → number of its cells that could not be trained here; that is not a failure."""
-        reasons: dict[str, dict[str, int]] = {}
+        reasons: dict[str, Counter[str]] = {}
         for cell in self.cells:
             if cell.status == "not_available":
-                of_method, reason = reasons.setdefault(cell.method, {}), cell.reason or "no reason recorded"
-                of_method[reason] = of_method.get(reason, 0) + 1
+                reasons.setdefault(cell.method, Counter())[cell.reason or "no reason recorded"] += 1
         return reasons
 
     def scene(self, name: str) -> SceneRecord | None:
         return next((scene for scene in self.run.scenes if scene.name == name), None)
 
     def cells_of(self, scene: str, method: str) -> list[CellRecord]:
-        every = (*self.cells, *self.extra_cells, *self.guest_cells)
-        return [cell for cell in every if cell.scene == scene and cell.method == method]
+        return [cell for cell in self.every_cell if cell.scene == scene and cell.method == method]
 
     def comparison(
         self, scene: str, method: str, against: str, metric: str = "psnr", budget: str = "steps"
@@ -199,7 +190,6 @@ def in_complete_groups(cells: list[CellRecord], methods: list[str]) -> list[Cell
 
 
 def _targets(out: Path, methods: list[str], cells: list[CellRecord]) -> TargetsRecord | None:
-    """Read the record; raises `DamagedRecord` also for a curve of an unknown method."""
     record = read_targets(out, cells)
     for curve in record.curves if record else []:
         if curve.method not in methods:

@@ -66,9 +66,7 @@ def clause(outcome: Outcome) -> str:
 
 
 def clauses(outcomes: Sequence[Outcome]) -> str:
-    """Return the clauses of several differences; a single clause if nothing is known of all of them. That the scenes
-    are few comes once, after what was measured on them.
-    """
+    """Return the clauses of several differences; that the scenes are few comes once, after what was measured."""
     if words := none_shown(outcomes):
         return words
     few = [outcome for outcome in outcomes if is_on_few_scenes(outcome)]
@@ -77,9 +75,7 @@ def clauses(outcomes: Sequence[Outcome]) -> str:
 
 
 def none_shown(outcomes: Sequence[Outcome]) -> str:
-    """Return `neither qnerf nor qnerf_repaired is shown to differ from nerf or nerf_matched, …` if sign and size are
-    open for every pair of these; else an empty string.
-    """
+    """Return `neither qnerf nor other is shown to differ from nerf or …` if nothing is known of any of these pairs."""
     if len(outcomes) < 2 or any(outcome.verdict != OPEN or is_on_few_scenes(outcome) for outcome in outcomes):
         return ""
     methods = list(dict.fromkeys(outcome.method for outcome in outcomes))
@@ -143,9 +139,7 @@ def change_in_words(change: Change) -> str:
 
 
 def robust_differs(row: Comparison) -> bool:
-    """Return whether the mean lies outside the robust interval, or off the robust estimate by more than the smallest
-    effect of interest if there is no such interval.
-    """
+    """Return whether the mean lies outside the robust interval, or without one off its estimate by what matters."""
     if row.robust is None or row.difference is None:
         return False
     if row.robust.interval is None:

@@ -1,12 +1,25 @@
-"""Read the records of studies and check that they do not contradict themselves."""
+"""Read the records of studies in an output folder, and check that they do not contradict themselves."""
 
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 from harness.records.json_record import as_promised
 from harness.records.study import SHELVES, Studies, StudyRecord, again, read_studies
 from scenes.files.errors import DamagedRecord
+
+
+@dataclass(frozen=True)
+class ShelfRecords:
+    """The records that the report of a run shows too."""
+
+    stability: Studies | None = None
+    evidence: Studies | None = None
+    serving: Studies | None = None
+
+
+NO_SHELVES = ShelfRecords()
 
 
 def find_studies(out: Path, shelf: str) -> Studies | None:

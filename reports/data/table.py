@@ -1,6 +1,6 @@
 """Records → tidy pandas tables: one row per cell, one row per checkpoint, means over seeds."""
 
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import pandas as pd
 
@@ -13,14 +13,10 @@ FORWARD_AND_BACKWARD = 3
 SCORES = (*METRICS, "psnr_train", "psnr_ceiling", "psnr_floor")
 
 
-@dataclass(frozen=True)
-class Spread:
+class Spread(NamedTuple):
     mean: float | None
     sd: float | None
-    low: float | None
-    high: float | None
-    done: int
-    seeds: int
+    """The sample standard deviation; None for fewer than two values."""
 
 
 def cells_frame(records: Records) -> pd.DataFrame:
@@ -31,15 +27,11 @@ def cells_frame(records: Records) -> pd.DataFrame:
             "method": cell.method,
             "seed": cell.seed,
             "status": cell.status,
-            "reason": cell.reason,
-            "steps": cell.steps,
-            "train_seconds": cell.train_seconds,
             **{score: finite_or_none(cell.scores.get(score)) for score in SCORES},
         }
         for cell in records.cells
     ]
-    frame = pd.DataFrame(rows)
-    return frame.astype(dict.fromkeys(SCORES, "float64"))
+    return pd.DataFrame(rows).astype(dict.fromkeys(SCORES, "float64"))
 
 
 def curves_frame(records: Records) -> pd.DataFrame:
@@ -72,18 +64,17 @@ def _times(many: int, each: float | str | None) -> float | None:
     return many * float(each) if isinstance(each, int | float) else None
 
 
-def spread(values: pd.Series, seeds: int) -> Spread:
+def spread(values: pd.Series) -> Spread:
     known = values.dropna()
     if known.empty:
-        return Spread(None, None, None, None, 0, seeds)
-    sd = float(known.std(ddof=1)) if len(known) > 1 else None
-    return Spread(float(known.mean()), sd, float(known.min()), float(known.max()), len(known), seeds)
+        return Spread(None, None)
+    return Spread(float(known.mean()), float(known.std(ddof=1)) if len(known) > 1 else None)
 
 
 def spread_of(frame: pd.DataFrame, scene: str, method: str, score: str) -> Spread:
-    """Return the spread over the seeds that finished; the others are counted in `seeds`, never averaged."""
+    """Return the spread over the seeds that finished."""
     chosen = frame[(frame["scene"] == scene) & (frame["method"] == method)]
-    return spread(chosen.loc[chosen["status"] == "done", score], len(chosen))
+    return spread(chosen.loc[chosen["status"] == "done", score])
 
 
 def shared_scenes(frame: pd.DataFrame, score: str) -> list[str]:
@@ -100,9 +91,8 @@ def average_of(frame: pd.DataFrame, method: str, score: str, scenes: list[str]) 
     """Return the mean over `scenes` of the means over seeds; its spread is that of seeds finished in all scenes."""
     chosen = frame[(frame["method"] == method) & frame["scene"].isin(scenes)]
     done = chosen[(chosen["status"] == "done") & chosen[score].notna()]
-    seeds = chosen["seed"].nunique()
     if done.empty:
-        return Spread(None, None, None, None, 0, seeds)
+        return Spread(None, None)
     by_seed = done.groupby("seed")[score].agg(["mean", "size"])
-    over_seeds = spread(by_seed.loc[by_seed["size"] == len(scenes), "mean"], seeds)
-    return replace(over_seeds, mean=float(done.groupby("scene")[score].mean().mean()))
+    over_seeds = spread(by_seed.loc[by_seed["size"] == len(scenes), "mean"])
+    return over_seeds._replace(mean=float(done.groupby("scene")[score].mean().mean()))

@@ -29,11 +29,11 @@ from reports.drawing.traces import Kind, Panel, Trace, as_element
 
 
 def inline_svg(text: str, name: str, alt: str, labels: Sequence[str] = ()) -> str:
-    """Return a standalone SVG of Matplotlib changed so that it can share a page with others; `labels` name the groups
-    with the ids `line-0`, … of lines and `end-0`, … of their names, which become `data-line` and `data-end`.
+    """Change an SVG of Matplotlib so that it can share a page with others; the ids `line-0`, … and `end-0`, … become
+    `data-line` and `data-end` with the name among `labels`.
     """
     body = text[text.index("<svg") :]
-    box = re.search(r'viewBox="([^"]+)"', body)
+    view, *_ = re.findall(r'viewBox="([^"]+)"', body)
     inner = body[body.index(">") + 1 : body.rindex("</svg>")]
     inner = re.sub(r"<metadata>.*?</metadata>|<style.*?</style>|<!--.*?-->", "", inner, flags=re.DOTALL)
     inner = re.sub(r' id="(line|end)-(\d+)"', lambda of: f' data-{of[1]}="{escape(labels[int(of[2])])}"', inner)
@@ -47,7 +47,6 @@ def inline_svg(text: str, name: str, alt: str, labels: Sequence[str] = ()) -> st
     inner = re.sub(r"\s*\n\s*", " ", inner)
     for colour in palette.EVERY:
         inner = inner.replace(colour.light, f"var({colour.variable})")
-    view = box[1] if box else "0 0 1 1"
     return f'<svg class="plot" viewBox="{view}" role="img" aria-label="{escape(alt)}">{inner}</svg>'
 
 

@@ -111,13 +111,13 @@ SHAPES = {
 }
 
 
-def key(pen: Pen, line: bool = True) -> Markup:
-    """Return a piece of the line with its marker, or only the marker, as the chart shows it."""
+def key(pen: Pen) -> Markup:
+    """Return a piece of the line with its marker, as the chart shows it."""
     dash = f' stroke-dasharray="{" ".join(f"{2 * length:g}" for length in pen.dash)}"' if pen.dash else ""
     colour = f"var({pen.colour.variable})"
     fill = "var(--paper)" if pen.hollow else colour
     return Markup(
         '<svg class="pen" viewBox="0 0 27 10" aria-hidden="true">'
-        + (f'<path d="M0 5H27" fill="none" stroke="{colour}" stroke-width="2"{dash}/>' if line else "")
-        + f'<path d="{SHAPES[pen.marker]}" fill="{fill}" stroke="{colour}" stroke-width="1.4"/></svg>'
+        f'<path d="M0 5H27" fill="none" stroke="{colour}" stroke-width="2"{dash}/>'
+        f'<path d="{SHAPES[pen.marker]}" fill="{fill}" stroke="{colour}" stroke-width="1.4"/></svg>'
     )

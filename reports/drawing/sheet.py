@@ -22,19 +22,14 @@ CROSS: dict[str, Any] = {"marker": "x", "linestyle": " ", "color": MUTED.light, 
 
 def key_of(panel: Panel) -> Key:
     """Return the key of a panel whose traces are labelled with what they show."""
-    shapes: dict[str, dict[str, Any]] = {
-        "line": {"linestyle": "-"},
-        "range": {"linestyle": "-"},
-        "floor": {"linestyle": "--"},
-        "mark": {"linestyle": " "},
-        "cross": {"linestyle": " ", "marker": "x"},
-    }
+    styles = {"line": "-", "range": "-", "floor": "--", "mark": " ", "cross": " "}
     key: Key = {}
     for trace in panel.traces:
-        if trace.kind in shapes:
+        if trace.kind in styles:
             face = "white" if trace.hollow else trace.colour
             look = {"color": trace.colour, "linewidth": trace.width, "markerfacecolor": face, "markersize": trace.size}
-            key[trace.label] = look | ({"marker": trace.marker} if trace.kind == "mark" else {}) | shapes[trace.kind]
+            marker = {"mark": trace.marker, "cross": "x"}.get(trace.kind)
+            key[trace.label] = look | {"linestyle": styles[trace.kind], "marker": marker}
     return key
 
 
@@ -51,15 +46,11 @@ def key_of_pens(pens: dict[str, Pen]) -> Key:
     }
 
 
-def save_sheet(
-    path: Path, drawings: Sequence[Drawing], across: int, size: tuple[float, float] | None = None
-) -> list[Path]:
-    """Save panels side by side, each of `size` in inches or of its size on the page; returns the written paths."""
-    if not drawings:
-        return []
-    with matplotlib.rc_context(STYLE):
-        save(sheet(drawings, across, size), path)
-    return [path]
+def save_sheet(path: Path, drawings: Sequence[Drawing], across: int, size: tuple[float, float] | None = None) -> None:
+    """Save panels side by side, if there are any, each of `size` in inches or of its size on the page."""
+    if drawings:
+        with matplotlib.rc_context(STYLE):
+            save(sheet(drawings, across, size), path)
 
 
 def sheet(drawings: Sequence[Drawing], across: int, size: tuple[float, float] | None = None) -> Figure:

@@ -55,8 +55,13 @@ EMPTY = Entry("–", tone="muted")
 Q_COLUMN = Column("q", small="false discovery rate")
 
 
+def value_entry(value: float | None, write: Callable[[float], str]) -> Entry:
+    """Return a number as `write` formats it; empty if there is none."""
+    return EMPTY if value is None else Entry(write(value), value=value)
+
+
 def q_entry(q: float | None) -> Entry:
-    return EMPTY if q is None else Entry(number(q, 3), value=q)
+    return value_entry(q, lambda q: number(q, 3))
 
 
 def without_empty_columns(grid: Grid, always: int = 0) -> Grid:
@@ -77,10 +82,6 @@ def table_grid(table: Table, write: Callable[[float], str]) -> Grid:
     ]
 
     def entry(value: str | float | None) -> Entry:
-        if value is None:
-            return EMPTY
-        if isinstance(value, str):
-            return Entry(value.replace(" ± ", "\u00a0±\u00a0"))
-        return Entry(write(value), value=float(value))
+        return Entry(value.replace(" ± ", "\u00a0±\u00a0")) if isinstance(value, str) else value_entry(value, write)
 
     return Grid(table.title, columns, [list(map(entry, row)) for row in table.rows])

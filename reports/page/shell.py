@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -10,8 +11,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from reports.data import wording
-from reports.data.packing import as_json
-from reports.data.selection import Selection
+from reports.data.packing import as_data, as_json
 from reports.drawing import palette
 from reports.page.grid import Entry
 from reports.page.script import content_policy, script
@@ -30,12 +30,9 @@ def entry_data(entry: Entry) -> Markup:
     }
     if parts:
         attributes["parts"] = as_json(parts)
-    return _attributes(attributes) + runs_data(entry.runs)
-
-
-def runs_data(runs: Selection | None) -> Markup:
-    """Return the attribute with the runs behind a cell; empty if there are none."""
-    return _attributes({"runs": as_json(runs.data())} if runs is not None and runs.data() else {})
+    if entry.runs is not None and (runs := entry.runs.data()):
+        attributes["runs"] = as_json(runs)
+    return _attributes(attributes)
 
 
 def row_data(row: list[Entry]) -> Markup:
@@ -92,13 +89,11 @@ class Layout:
     def __init__(self, colours: dict[str, palette.Colour] | None = None) -> None:
         self.colours = colours or {}
         self.environment = environment()
+        self.named = partial(named, colours=self.colours)
         self.environment.globals["colours"] = self.colours
         self.environment.filters["named"] = self.named
         self.parts: Any = self.environment.get_template("parts.html").make_module()
         self.study_parts: Any = self.environment.get_template("study_parts.html").make_module()
-
-    def named(self, text: str) -> Markup:
-        return named(text, self.colours)
 
     def page(
         self,
@@ -177,13 +172,12 @@ def environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    filters = {"cell_data": entry_data, "row_data": row_data, "runs_data": runs_data, "breakable": breakable}
+    filters = {"cell_data": entry_data, "row_data": row_data, "as_data": as_data, "breakable": breakable}
     made.filters.update(filters | {"code": with_code})
     return made
 
 
 def breakable(name: str) -> Markup:
-    """Return a name that a narrow column may break after its underscores."""
     return Markup("_<wbr>").join(escape(part) for part in name.split("_"))
 
 

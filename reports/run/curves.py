@@ -110,10 +110,9 @@ class Diagram:
 
 
 def diagrams(records: Records) -> list[Diagram]:
-    """Return a diagram for every pair of an error and a cost that the records have; of a run that still trains, whose
-    page is made again and again, only those of the first error.
-    """
+    """Return a diagram for every pair of an error and a cost that the records have."""
     curves, floors = curves_frame(records), noise_floors(records)
+    # the page of a run that still trains is made again and again
     measures = ERRORS if records.run.finished else ERRORS[:1]
     made = [_diagram(records, curves, measure, cost, floors) for measure in measures for cost in COSTS]
     return [diagram for diagram in made if diagram.panels]

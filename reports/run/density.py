@@ -68,9 +68,7 @@ def amplified_methods(records: Records) -> list[str]:
 
 
 def mean_density(cells: list[CellRecord]) -> Mean | None:
-    """Average over the runs that have the most common step and bins, at the last such step: a run that ended early is
-    not averaged with a later checkpoint of another.
-    """
+    """Average over the runs that have the most common step and bins: none that ended early with later checkpoints."""
     densities = [(point.step, point.density or {}) for cell in cells for point in cell.curve if is_histogram(point)]
     keyed = [((step, tuple(density["edges"])), density) for step, density in densities]
     if not keyed:

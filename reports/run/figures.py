@@ -7,7 +7,7 @@ from typing import NamedTuple
 from harness.records.cells import Budget, Comparison, Estimate
 from harness.records.metric_table import METRICS, PRIMARY
 from harness.records.verdict import phrase_with
-from reports.claims.psnr_table import printed_gain
+from reports.claims.psnr_table import printed_gains
 from reports.data.load import Records
 from reports.data.selection import behind_difference
 from reports.data.wording import BUDGETS, interval, mark_of, signed
@@ -24,9 +24,7 @@ FARTHEST = 2.5
 
 
 def ruler(records: Records) -> Panel | None:
-    """Draw the first contender's differences in PSNR over all scenes on one axis: on these scenes, on scenes like
-    these, and as claimed. Returns None if there is none.
-    """
+    """Draw the first contender's differences in PSNR over all scenes, in both senses and as claimed, if it has any."""
     rows: list[tuple[str, Comparison, Estimate | None]] = []
     claimed: list[tuple[float, float, float]] = []
     for method in records.contenders[:1]:
@@ -90,7 +88,6 @@ def _claimed(records: Records, method: str, rival: str) -> list[tuple[float, flo
 
 
 def difference_panels(records: Records) -> list[Panel]:
-    """Draw the contender of the headline, a panel per budget and rival, with a row per scene and the mean below."""
     drawn = [
         _differences_panel(records, method, rival, budget)
         for method in records.contenders[:1]
@@ -126,7 +123,8 @@ def _differences_panel(records: Records, method: str, rival: str, budget: Budget
         Trace("95 % interval", colour, "range", lows, at, highs, runs=tuple(map(behind_difference, some))),
         Trace("difference", colour, "dots", middles, places, runs=tuple(map(behind_difference, every))),
     ]
-    if printed := _printed(records, rows, method, rival):
+    gains = printed_gains(records, [row for row in rows if row != "all"], method, rival)
+    if printed := {float(place): gains[row] for place, row in enumerate(rows) if row in gains}:
         traces.append(Trace("printed", MUTED.light, "mark", tuple(printed.values()), tuple(printed)))
     stated = "; ".join(
         f"{row.scene} {signed(row.difference)} {interval(row.simultaneous or row.interval)} "
@@ -137,15 +135,6 @@ def _differences_panel(records: Records, method: str, rival: str, budget: Budget
     size = (4.6, 0.75 + 0.25 * len(rows))
     alt = f"{title}, in dB: {stated}."
     return Panel(title, "difference in test PSNR (dB)", "", tuple(traces), alt, rows=rows, size=size)
-
-
-def _printed(records: Records, rows: tuple[str, ...], method: str, rival: str) -> dict[float, float]:
-    """Map place of a row → the printed difference; the row `all` has one if every scene of the run has."""
-    gains = {row: printed_gain(records, row, method, rival) for row in rows if row != "all"}
-    printed = {row: gain for row, gain in gains.items() if gain is not None}
-    if printed and len(printed) == len(gains):
-        printed["all"] = sum(printed.values()) / len(printed)
-    return {float(place): printed[row] for place, row in enumerate(rows) if row in printed}
 
 
 class Drawn(NamedTuple):

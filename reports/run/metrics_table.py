@@ -182,13 +182,14 @@ def costs_grid(records: Records) -> Grid:
         if not cells:
             continue
         view = _cost(fmean, cells, "view_seconds")
+        weights = [cell.parameters["total"] for cell in cells if "total" in cell.parameters]
         rows.append(
             [
                 Entry(method, runs=Selection("", method) if method in records.methods else None),
                 spent_entry(cells),
                 multiples.get(method, EMPTY),  # a guest's budget is the core seconds of nerf
                 EMPTY if view is None else Entry(f"{significant(1000 * view)}{NARROW}ms", value=1000 * view),
-                _weights(mean_weights(cells)),
+                _weights(fmean(weights) if weights else None),
                 _bytes(_cost(fmean, cells, "weights_bytes")),
                 _bytes(_cost(max, cells, "memory_bytes")),
                 _bytes(_cost(max, cells, "gpu_memory_bytes")),
@@ -201,11 +202,6 @@ def costs_grid(records: Records) -> Grid:
         "seed."
     )
     return without_empty_columns(Grid("What a method costs", columns, rows, note=note), always=3)
-
-
-def mean_weights(cells: list[CellRecord]) -> float | None:
-    totals = [cell.parameters["total"] for cell in cells if "total" in cell.parameters]
-    return fmean(totals) if totals else None
 
 
 def _cost(over: Callable[[list[float]], float], cells: list[CellRecord], name: str) -> float | None:
@@ -284,9 +280,7 @@ VERDICT_TONES = {"costs more": "failed", "inconclusive": "muted"}
 
 
 def left_out_grid(records: Records) -> Grid:
-    """Tabulate the omissions that scenes allow and, if they were verified, the time that they save and the change of
-    error. Scenes with the same omission for the same reason share a row.
-    """
+    """Tabulate the omissions that scenes allow; scenes with the same omission for the same reason share a row."""
     alike: dict[LeftOut, list[str]] = {}
     for scene in records.run.scenes:
         for omission in scene.left_out:

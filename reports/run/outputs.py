@@ -258,7 +258,6 @@ def seconds_grid(outputs: list[Output]) -> Grid:
 
 
 def verdicts_grid(outputs: list[Output]) -> Grid:
-    """Tabulate each output's own comparisons of methods over all of its scenes."""
     answers = [
         {
             (comparison.method, comparison.against, comparison.budget): comparison

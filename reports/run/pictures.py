@@ -67,15 +67,11 @@ def views(records: Records) -> list[View]:
 
 
 def seed_shown(records: Records, scene: str) -> int | None:
-    """Return the seed in which the most finished methods have pictures, or None if there are no pictures. Among equals,
-    pictures of the most methods decide, then the order of seeds.
-    """
-    counts: dict[int, tuple[int, int]] = {}
-    for cell in records.cells:
-        if cell.scene == scene and cell.pictures is not None:
-            finished, started = counts.get(cell.seed, (0, 0))
-            counts[cell.seed] = (finished + (cell.status == "done"), started + 1)
-    return max(counts, key=lambda seed: (*counts[seed], -seed), default=None)
+    """Return the first seed in which the most finished methods, then the most methods, have pictures, if any does."""
+    pictured = [cell for cell in records.cells if cell.scene == scene and cell.pictures is not None]
+    started = Counter(cell.seed for cell in pictured)
+    finished = Counter(cell.seed for cell in pictured if cell.status == "done")
+    return max(started, key=lambda seed: (finished[seed], started[seed], -seed), default=None)
 
 
 def first_view(pictures: Kept) -> str | None:

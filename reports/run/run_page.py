@@ -19,7 +19,7 @@ from reports.data import glossary, wording
 from reports.data.load import Records
 from reports.data.packing import as_data, as_json
 from reports.data.scale import compared_with, facts, in_a_line, is_at_scale, standing
-from reports.data.shelf_records import NO_SHELVES, ShelfRecords
+from reports.data.studies_load import NO_SHELVES, ShelfRecords
 from reports.drawing.figure import plots
 from reports.drawing.palette import colours_of
 from reports.page import shell
@@ -92,7 +92,6 @@ def page(records: Records, shelves: ShelfRecords = NO_SHELVES) -> str:
 
 def _page(records: Records, shelves: ShelfRecords, pixels: PictureData | None, shown: dict[str, ShelfShown]) -> str:
     layout = Layout(colours_of(records.pictured))
-    layout.environment.filters["as_data"] = as_data
     run, ledger = records.run, claims(records, shelves)
     studies = [record for record in (shelves.evidence, shelves.stability, shelves.serving) if record is not None]
     shown = {record.shelf: shown.get(record.shelf) or shelf_shown(record) for record in studies}
@@ -212,7 +211,8 @@ def _sections(content: _Content) -> Iterator[Section]:
 def _training(content: _Content) -> Iterator[Section]:
     records, parts = content.records, content.layout.parts
     if converging := content.figures("convergence"):
-        guests = [(parts.swatch(guest), guest) for guest in records.run.guests if records.has_curve(guest)]
+        curved = {cell.method for cell in records.guest_cells if cell.curve}
+        guests = [(parts.swatch(guest), guest) for guest in records.run.guests if guest in curved]
         yield section("convergence", "Convergence", parts.legend([*content.keys, *guests], CONVERGENCE), converging)
     if content.work:
         chooser = parts.chooser(content.work, [plots(diagram.panels, diagram.name) for diagram in content.work])
@@ -295,9 +295,8 @@ def version(records: Records) -> str:
 def write_page(
     records: Records, path: Path, shelves: ShelfRecords = NO_SHELVES, shown: dict[str, ShelfShown] | None = None
 ) -> None:
-    """Write the pictures, then the page, each atomically: a reader never sees an incomplete page. The small script that
-    an open page of an unfinished run asks for the newest version comes last. `shown` holds, by shelf, the sections of
-    studies that were already laid out.
+    """Write the pictures, then the page, then the script that an open page of an unfinished run asks for the newest
+    version, each atomically. `shown`: shelf → its studies, if they were already laid out.
     """
     pixels = picture_data(records)
     files = pixels.files if pixels else {}

@@ -1,5 +1,7 @@
 """Every run of the report as data, from which the page shows the runs behind a figure."""
 
+from typing import TypeVar
+
 from harness.records.cells import CellRecord
 from harness.records.metric_table import METRICS
 from reports.data.load import Records, in_complete_groups
@@ -9,6 +11,8 @@ from reports.drawing.traces import rounded
 from reports.page.shell import flat
 from reports.run.density import is_histogram
 from reports.run.saving.replay import conditions, replay
+
+Value = TypeVar("Value")
 
 RUN_SCRIPTS = ("density.js",)
 CURVES = ("step", "seconds", "core_seconds", *METRICS, "alpha", "beta")
@@ -71,19 +75,18 @@ def _cell(records: Records, cell: CellRecord, differing: set[str]) -> dict[str, 
         "scores": {name: _number(score) for name in SCORES if (score := cell.scores.get(name)) is not None},
         "warnings": cell.all_warnings,
         "differing": {name: value for name, value in sorted(flat(cell.settings)) if name in differing},
-        "views": _views(cell),
+        "views": _known({name: [_number(getattr(view, name)) for view in cell.views] for name in OF_A_VIEW}),
         "trace": _trace(cell),
         "costs": {name: _number(amount) for name, amount in cell.costs.items()},
         "replay": replay(records, cell),
         "beside": conditions(cell),
         "file": f"records/cells/{cell.scene}.{cell.method}.{cell.seed}.json",
-        "curve": {name: values for name, values in columns.items() if any(value is not None for value in values)},
+        "curve": _known(columns),
     }
 
 
-def _views(cell: CellRecord) -> dict[str, list[float | int | None]]:
-    scores = {name: [_number(getattr(view, name)) for view in cell.views] for name in OF_A_VIEW}
-    return {name: values for name, values in scores.items() if any(value is not None for value in values)}
+def _known(columns: dict[str, list[Value]]) -> dict[str, list[Value]]:
+    return {name: values for name, values in columns.items() if any(value is not None for value in values)}
 
 
 def _trace(cell: CellRecord) -> dict[str, list[float | None]]:
@@ -92,8 +95,7 @@ def _trace(cell: CellRecord) -> dict[str, list[float | None]]:
     places = sorted({round(at * (many - 1) / (TRACED - 1)) for at in range(TRACED)}) if many > TRACED else range(many)
     return {
         name: [None if series[at] is None else float(f"{series[at]:.3g}") for at in places]
-        for name, series in cell.trace.items()
-        if any(value is not None for value in series)
+        for name, series in _known(cell.trace).items()
     }
 
 

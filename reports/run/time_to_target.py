@@ -159,7 +159,6 @@ def savings_grid(record: TargetsRecord, scenes: list[str]) -> Grid | None:
 
 
 def saving_entry(saving: TargetComparison | None) -> Entry:
-    """Format `+18.0 %`, below it interval, verdict, and how many runs give no time."""
     if saving is None:
         return EMPTY
     censored = [

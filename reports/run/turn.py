@@ -5,10 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 from harness.records.pictures import EVERY_CHECKPOINT_SEED, Turn, read_turn, truth_pictures
-from reports.data.load import Records
+from reports.data.load import Records, if_valid
 from reports.data.saved_pictures import inside
 from reports.drawing.images import data_uri, smaller
-from scenes.files.errors import DamagedRecord
 
 BUDGET_BYTES = 2_000_000
 BYTES_PER_PIXEL = 0.28
@@ -64,10 +63,7 @@ def _read(records: Records, relative: str | None, method: str | None) -> Turn | 
     path = None if relative is None else inside(records.folder, relative)
     if path is None:
         return None
-    try:
-        return read_turn(path, "truth" if method is None else "renders")
-    except DamagedRecord:
-        return None
+    return if_valid(lambda: read_turn(path, "truth" if method is None else "renders"), None, [])
 
 
 def _strip(turn: Turn, side: int) -> str:

@@ -104,9 +104,7 @@ def outcome(check: Check) -> str:
 
 
 def distance(value: float, limit: float, unit: str) -> str:
-    """Return how far a figure lies from its target: `6.9 points`, `12 %`, `a factor of 2.1`; empty if it equals the
-    target, or lies on the other side of 0.
-    """
+    """Return `6.9 points`, `12 %` or `a factor of 2.1`; empty for the target itself or the other side of 0."""
     small, large = sorted((value, limit))
     if small == large or (unit != "%" and (small <= 0 or not math.isfinite(large / small))):
         return ""
@@ -149,9 +147,7 @@ def short_figure(check: Check) -> str:
 def checks_grid(
     title: str, rows: Sequence[tuple[StudyRecord, Check]], name_of: Callable[[StudyRecord], str] | None = None
 ) -> Grid:
-    """Return checks as rows, broken checks first; with `name_of` each row names and links its study, which gives the
-    reasons. Empty columns are left out.
-    """
+    """Tabulate checks, the broken first; with `name_of` each row names and links its study, which gives the reasons."""
     subjects = any(check.subject for _, check in rows)
     judged = subjects or any(check.limit is not None for _, check in rows)
     columns = [Column(label, numeric=label in ("measured", "wanted")) for label in COLUMNS]

@@ -24,8 +24,7 @@ WIDTH = 7.6
 def forests(effects: list[Effect], of_interest: dict[str, float]) -> dict[tuple[str, str, str], Panel]:
     """Map metric, budget and scene → forest; forests of one metric share their axis.
 
-    Single scenes have a forest only if no effect is over all scenes; otherwise only the table shows them.
-    `of_interest`: metric → the smallest effect of interest, from the record's settings.
+    Single scenes have a forest only if no effect is over all scenes. `of_interest`: metric → what matters.
     """
     over_all = {(effect.metric, effect.budget) for effect in effects if effect.scene == "all"}
     drawn = [effect for effect in effects if effect.scene == "all" or (effect.metric, effect.budget) not in over_all]

@@ -1,6 +1,7 @@
 """The judgement of a user's table → judgement.html, self-contained and designed like the report."""
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from statistics import median
 from typing import NamedTuple
@@ -27,7 +28,7 @@ from reports.drawing.figure import padded, plots
 from reports.drawing.palette import INK, KNOWN, MUTED
 from reports.drawing.traces import Panel, Trace
 from reports.page import shell
-from reports.page.grid import EMPTY, Q_COLUMN, Column, Entry, Grid, q_entry, without_empty_columns
+from reports.page.grid import EMPTY, Q_COLUMN, Column, Entry, Grid, q_entry, value_entry, without_empty_columns
 from reports.page.shell import Layout, section
 from scenes.files.atomic import write_atomically
 
@@ -85,16 +86,12 @@ def methods_grid(record: JudgementRecord, ranking: Ranking, caption: str = FROM_
                 difference(record, pair, estimate),
                 Entry(estimate.verdict.phrase, tone=tone(record, estimate.verdict)) if estimate else EMPTY,
                 q_entry(q.get(pair)),
-                Entry(number(record, least), value=least) if least is not None else EMPTY,
-                Entry(str(pair.scenes_to_settle), value=pair.scenes_to_settle)
-                if pair and pair.scenes_to_settle
-                else EMPTY,
+                value_entry(least, partial(number, record)),
+                value_entry((pair.scenes_to_settle if pair else None) or None, str),
                 difference(record, pair, pair.on_these_scenes if pair else None, worded=True),
-                *(
-                    Entry(duration(spent), value=spent) if spent is not None else EMPTY
-                    for spent in (place.seconds, place.core_seconds)
-                ),
-                Entry(f"{place.steps:,.0f}", value=place.steps) if place.steps is not None else EMPTY,
+                value_entry(place.seconds, duration),
+                value_entry(place.core_seconds, duration),
+                value_entry(place.steps, "{:,.0f}".format),
             ]
         )
     note = _note(ranking, everything)
@@ -118,7 +115,6 @@ def _note(ranking: Ranking, everything: bool) -> str:
 
 
 def _q_values(ranking: Ranking) -> dict[Pair | None, float]:
-    """Map each pair with a p-value → its q-value among all pairs."""
     p = [pair.scenes_like_these.p if pair.scenes_like_these else None for pair in ranking.pairs]
     adjusted = zip(ranking.pairs, benjamini_hochberg(p), strict=True)
     return {pair: q for pair, q in adjusted if q is not None}

@@ -42,10 +42,8 @@ class Cell(NamedTuple):
 
 
 class Row(NamedTuple):
-    name: str
+    study: StudyRecord
     anchor: str
-    title: str
-    bar: str
     failed: bool
     cells: list[Cell | None]
     """One cell per column; None if the study was not tried on it."""
@@ -56,9 +54,8 @@ class Row(NamedTuple):
 class Glance(NamedTuple):
     """A row of the matrix as marks: the cells of each owner in `OWNERS` that has any in this record."""
 
-    name: str
+    study: StudyRecord
     anchor: str
-    title: str
     marks: list[list[Cell]]
 
 
@@ -87,9 +84,8 @@ def glance(record: Studies) -> tuple[list[str], list[Glance]]:
     owners = [owner for owner in OWNERS if owner in tried]
     rows = [
         Glance(
-            study.info.id,
+            study,
             anchor(study),
-            study.info.title,
             [list(cells_of([check for check in study.checks if check.owner == owner]).values()) for owner in owners],
         )
         for study in record.studies
@@ -127,10 +123,8 @@ def _columns(studies: list[StudyRecord]) -> list[str]:
 def _row(study: StudyRecord, columns: list[str]) -> Row:
     cells = cells_of(study.checks)
     return Row(
-        study.info.id,
+        study,
         anchor(study),
-        study.info.title,
-        study.info.facts.get("bar", ""),
         any(check.is_broken for check in study.checks),
         [cells.get(subject) for subject in columns],
         [cell for subject, cell in cells.items() if subject not in columns],
@@ -166,9 +160,7 @@ def strain(check: Check) -> float:
 
 
 def miniature(record: Studies) -> list[Panel]:
-    """Draw the matrix without figures: a row per study, a mark per subject, columns by the owner of the form; empty
-    for a shelf without a matrix.
-    """
+    """Draw the matrix of a shelf that has one as marks: a row per study, columns by the owner of the form."""
     studies = [study for study in record.studies if study.checks and WORDS[record.shelf].groups]
     places: dict[Tone, list[tuple[float, float]]] = {}
     columns = []

@@ -18,15 +18,15 @@ CHAPTERS_DRAWN = (1, 2, 3, 9)
 """Rounding, truncation, gradients, ladders: the first chart of each is drawn."""
 
 
-def write_published(record: Studies, folder: Path) -> list[Path]:
-    """Write the record, and PNGs of the panels that it has; returns the written paths."""
+def write_published(record: Studies, folder: Path) -> None:
+    """Write the record, and PNGs of the panels that it has."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / SHELVES[record.shelf]
     write_studies(path, record)
     if path.stat().st_size > LARGEST:
         write_studies(path, without(record, Series))
-    pictures = [save_sheet(folder / name, choose(record), across) for name, choose, across in PICTURES[record.shelf]]
-    return [path, *(written for paths in pictures for written in paths)]
+    for name, choose, across in PICTURES[record.shelf]:
+        save_sheet(folder / name, choose(record), across)
 
 
 def without(record: Studies, kind: type) -> Studies:
@@ -54,7 +54,6 @@ def first_charts(record: Studies) -> list[Drawing]:
 
 
 def effects_of_parts(record: Studies) -> list[Drawing]:
-    """Return the effects of the parts on PSNR over all scenes, at equal steps and at equal time."""
     study = record.study("factorial")
     effects = [effect for effect in study.effects if not effect.against] if study else []
     panels = forests(effects, of_interest(record))

@@ -46,7 +46,6 @@ def shelf_shown(record: Studies) -> ShelfShown:
 
 
 def _sections(record: Studies) -> Iterator[Section]:
-    """Yield the matrix, the targets and the failures of other forms, the chapters, and every study."""
     words, layout = WORDS[record.shelf], Layout()
     parts, own = layout.parts, layout.study_parts
 
@@ -97,7 +96,6 @@ def _folded(study: StudyRecord, own: Any, title: str, details: list[Markup]) -> 
 
 
 def tally_of(tones: list[Tone]) -> list[tuple[Tone, str, int]]:
-    """Return each tone with its mark and how often it occurs, in the order of `LOOKS`."""
     return [(tone, look.mark, tones.count(tone)) for tone, look in LOOKS.items() if tone in tones]
 
 
@@ -214,7 +212,6 @@ def _machine(origin: JsonObject) -> str:
 
 
 def _tables(record: Studies) -> list[Grid]:
-    """Return the targets of the machine, and the failures of the paper's and the usual forms."""
     rows = list(record.checks())
     targets = [row for row in rows if row[1].owner == "machine" and row[1].limit is not None]
     titled = [("Targets", targets)] if targets else []

@@ -40,9 +40,8 @@ _NUMBERS = frozenset({"float", "rgb", "spectrum"})
 
 
 def xml_scene(file: Path, name: str) -> Scene:
-    """Return the scene of an XML file; images depend on its bytes and on those of every file that it names.
-
-    Raises `InputError`, naming the file, if it is not XML or not a scene.
+    """Return the scene of an XML file; its images depend on the bytes of that and of every file that it names. Raises
+    `InputError`, naming the file, if it is not XML or not a scene.
     """
     reader = _Reader(file)
     if reader.root.tag != "scene":
@@ -75,9 +74,8 @@ def notes(scene: Scene) -> list[str]:
 
 
 def loaded(mi: ModuleType, file: Path, up: np.ndarray) -> tuple[Any, Placement, np.ndarray]:
-    """Return Mitsuba's scene, its placement in the view set, and its box [2, 3] in units of the file.
-
-    Raises `InputError` with Mitsuba's message, or if nothing is visible or the scale is invalid.
+    """Return Mitsuba's scene, its placement in the view set, and its box [2, 3] in units of the file. Raises
+    `InputError` with Mitsuba's message, or if nothing is visible or the scale is invalid.
     """
     try:
         scene = mi.load_file(str(file))

@@ -14,9 +14,7 @@ from scenes.files.errors import InputError
 
 
 def require_suffix(file: Path, suffix: str, option: str) -> None:
-    """Raise `InputError`, before long work, for a file that is not to be replaced: one of another format, a folder, or
-    a record of a run.
-    """
+    """Raise `InputError`, before long work, for a file of another format, a folder, and a place in a run's folder."""
     if file.suffix.lower() != suffix:
         raise InputError(f"{option} {file}: give a name that ends in {suffix}")
     if file.is_dir():

@@ -11,10 +11,7 @@ class _Readable(ValueError):
 
 
 class InputError(_Readable):
-    """The user's input is wrong: the message names the file or option, the value and the remedy.
-
-    The command line prints only the message, without a traceback, and exits with 2.
-    """
+    """The user's input is wrong: the message, all that a command prints, names file or option, value and remedy."""
 
 
 class DamagedRecord(_Readable):

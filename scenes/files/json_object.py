@@ -6,9 +6,7 @@ JsonObject = dict[str, Any]
 
 
 def each_key_once(pairs: list[tuple[str, Any]]) -> JsonObject:
-    """Return an object from its pairs (`object_pairs_hook` of `json.loads`); raises `ValueError` for a repeated key, of
-    which readers would take the last.
-    """
+    """As `object_pairs_hook` of `json.loads`, raise `ValueError` for a repeated key, whose last value readers take."""
     content = dict(pairs)
     if len(content) < len(pairs):
         names = [name for name, _ in pairs]

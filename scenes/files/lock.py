@@ -7,7 +7,6 @@ takes 0.015 ms, not 0.12 ms as with `filelock.FileLock`. Locks belong to descrip
 import errno
 import os
 import stat
-import time
 from contextlib import suppress
 from pathlib import Path
 
@@ -15,7 +14,6 @@ NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL)
 """The error numbers of systems and file systems without locks."""
 FLAGS = os.O_RDWR | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
 """Flags for opening: no link is followed, a pipe does not block."""
-POLL_SECONDS = 0.001
 NOTE_BYTES = 500
 """The number of bytes that are read of the holder's note."""
 
@@ -56,13 +54,12 @@ class Lock:
         self._handle = None
 
 
-def acquire(path: Path, seconds: float = 0.0, mode: int = 0o644) -> Lock:
-    """Lock a file, created if it is missing. Raises `LockTaken` if another holder keeps it for `seconds`, and `OSError`
-    if it cannot be opened: `ELOOP` for a symbolic or hard link or a device, which must not be written to.
+def acquire(path: Path) -> Lock:
+    """Lock a file, created if it is missing. Raises `LockTaken` if it has another holder, and `OSError` if it cannot be
+    opened: `ELOOP` for a symbolic or hard link or a device, which must not be written to.
     """
-    until = time.monotonic() + seconds
     while True:
-        handle = os.open(path, FLAGS | os.O_CREAT, mode)
+        handle = os.open(path, FLAGS | os.O_CREAT, 0o644)
         held = False
         try:
             opened = os.fstat(handle)
@@ -71,17 +68,15 @@ def acquire(path: Path, seconds: float = 0.0, mode: int = 0o644) -> Lock:
             free = _try(handle)
             if free is None:
                 return Lock(path, None)
+            if not free:
+                raise LockTaken(path, os.pread(handle, NOTE_BYTES, 0))
             # its holder may have removed the file before it was locked here
-            held = free and _identity(path) == (opened.st_dev, opened.st_ino)
+            held = _identity(path) == (opened.st_dev, opened.st_ino)
             if held:
                 return Lock(path, handle)
-            if not free and time.monotonic() >= until:
-                raise LockTaken(path, os.pread(handle, NOTE_BYTES, 0))
         finally:
             if not held:
                 os.close(handle)
-        if not free:
-            time.sleep(POLL_SECONDS)
 
 
 def is_held(path: Path, create: bool = False) -> bool | None:

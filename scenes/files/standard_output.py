@@ -23,9 +23,8 @@ STREAMS = {1: "standard output", 2: "standard error"}
 
 
 def go_on_unheard() -> None:
-    """Keep this process running if its standard output or error fails: `| head` ends no run.
-
-    Call it before anything that opens a file, which could get the number of a closed stream.
+    """Keep this process running if its standard output or error fails: `| head` ends no run. Call it before anything
+    that opens a file, which could get the number of a closed stream.
     """
     while (free := os.open(os.devnull, os.O_RDWR)) <= 2:
         pass

@@ -24,7 +24,7 @@ def towards(azimuth: float, elevation: float) -> NDArray[np.float64]:
 
 
 def softbox(
-    toward: NDArray[np.float64], azimuth: float, elevation: float, width: float, height: float, edge: float = 0.25
+    toward: NDArray[np.float64], azimuth: float, elevation: float, width: float, height: float
 ) -> NDArray[np.float64]:
     """Return the brightness 0 … 1, [h, w], of a rounded rectangular lamp; half-extents in degrees, soft borders."""
     forward = towards(azimuth, elevation)
@@ -34,13 +34,13 @@ def softbox(
     x = np.arctan2(toward @ right, ahead) / np.radians(width)
     y = np.arctan2(toward @ np.cross(forward, right), ahead) / np.radians(height)
     distance = (np.abs(x) ** 4 + np.abs(y) ** 4) ** 0.25
-    inside: NDArray[np.float64] = 1 / (1 + np.exp(np.clip((distance - 1) / (edge / 4), -30, 30)))
-    return inside * (ahead > 0)
+    inside = 1 / (1 + np.exp(np.clip((distance - 1) / (0.25 / 4), -30, 30)))
+    return np.asarray(inside * (ahead > 0))
 
 
-def studio(height: int = 64, width: int = 128, brightness: float = 0.7) -> Description:
+def studio(brightness: float = 0.7) -> Description:
     """Make a grey-blue sky over a warm floor, with a broad key light, a cool fill light and a rim light."""
-    toward = directions(height, width)
+    toward = directions(64, 128)
     up = toward[..., 2:]
     sky = np.array([0.26, 0.295, 0.34]) + np.array([0.20, 0.23, 0.28]) * np.clip(up, 0, 1)
     floor = np.array([0.22, 0.20, 0.18]) - np.array([0.08, 0.075, 0.07]) * np.clip(-up, 0, 1)
@@ -56,10 +56,7 @@ def studio(height: int = 64, width: int = 128, brightness: float = 0.7) -> Descr
 
 
 def hazed(light: Description, share: float) -> Description:
-    """Return the same light through thin cloud: that share of the light from above is spread evenly over the sky.
-
-    Shadows are softer, and light through water has less noise.
-    """
+    """Spread that share of the light from above evenly over the sky: softer shadows, less noise under water."""
     image = light["data"].astype(np.float64)
     up = directions(*image.shape[:2])[..., 2]
     above = up > 0

@@ -232,7 +232,6 @@ def _hdr_metrics(description: Description) -> tuple[bool, str]:
 
 
 def _largest_albedo(shape: Description) -> float:
-    """Return the largest albedo in a surface; 1 if none is given."""
     names = ("reflectance", "diffuse_reflectance", "base_color")
     values = [_numbers(entry[name]).max(initial=0.0) for entry in entries(shape) for name in names if name in entry]
     return float(max(values, default=1.0))
@@ -256,7 +255,6 @@ def glows(shape: Description) -> bool:
 
 
 def _largest_extinction(description: Description) -> float:
-    """Return the largest σ_t per scene unit, 0 without media."""
     largest = 0.0
     for entry in entries(description):
         if entry.get("type") in MEDIA:

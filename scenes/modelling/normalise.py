@@ -53,8 +53,7 @@ class Similarity:
         return Similarity(1.0 / self.scale, (x, y, z))
 
     def points(self, x: np.ndarray) -> np.ndarray:
-        points: np.ndarray = x * self.scale + np.asarray(self.shift)
-        return points
+        return np.asarray(x * self.scale + self.shift)
 
     def applied(self, description: Description) -> Description:
         """Return the same scene in the other unit; raises `InputError` for entries that cannot be transformed here."""
@@ -86,18 +85,15 @@ class Similarity:
 
 
 def box_of(description: Description) -> np.ndarray | None:
-    """Return the corners [2, 3], float64, of the smallest box around the description's shapes; None without shapes.
-
-    Raises `InputError` for a shape whose size is not known here, or is not finite.
+    """Return the corners [2, 3] of the smallest box around the description's shapes; None without shapes. Raises
+    `InputError` for a shape whose size is not known here, or is not finite.
     """
-    shapes = {
-        name: entry
+    shapes = [
+        (name, entry)
         for name, entry in description.items()
         if isinstance(entry, dict) and entry.get("type") not in INFINITE
-    }
-    for name, entry in shapes.items():
-        _known(name, entry)
-    corners = np.array([_box(name, entry) for name, entry in shapes.items()])
+    ]
+    corners = np.array([_box(name, entry) for name, entry in shapes])
     return np.array([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)]) if shapes else None
 
 
@@ -125,9 +121,8 @@ def normalised(scene: Scene) -> tuple[Description, Similarity | None]:
 
 
 def fitted(scene: Scene) -> tuple[Description, Similarity | None]:
-    """Normalise a user's scene so that it lies completely in the picture of every camera.
-
-    It is not changed if the size of a shape is unknown here; `scenes.rendering.writer` then checks Mitsuba's box.
+    """Normalise a user's scene so that every camera sees all of it, unless the size of a shape is unknown here:
+    `scenes.rendering.writer` then checks Mitsuba's box.
     """
     description, change = normalised(scene)
     try:
@@ -184,6 +179,7 @@ def _known(name: str, entry: Description) -> None:
 
 
 def _box(name: str, entry: Description) -> tuple[np.ndarray, np.ndarray]:
+    _known(name, entry)
     kind = entry["type"]
     if kind == "mesh":
         points = np.asarray(entry["vertices"], dtype=np.float64)

@@ -102,10 +102,7 @@ def ball(radius: float, segments: int = 32) -> Solid:
 
 
 def lathe(profile: Sequence[tuple[float, float]], segments: int = 48) -> Solid:
-    """A surface of revolution about z of a profile of (radius, z) points, given from bottom to top outside.
-
-    `uv`: u once around, v along the profile by arc length.
-    """
+    """Turn a profile of (radius, z) points, bottom to top outside, about z; `uv`: around, by arc length along it."""
     points = np.asarray(profile, dtype=np.float64)
     angle = np.linspace(0.0, 2.0 * np.pi, segments + 1)
     radius, z = points[:, 0], points[:, 1]
@@ -208,8 +205,7 @@ def sheet(points: np.ndarray, uv: np.ndarray | None = None) -> Solid:
 def between(start: Point, end: Point, shares: Sequence[float] | np.ndarray) -> np.ndarray:
     """Return points [N, 3] on the straight line, at these shares [N] of the way."""
     first = np.asarray(start)
-    points: np.ndarray = first + np.asarray(shares)[:, None] * (np.asarray(end) - first)
-    return points
+    return np.asarray(first + np.asarray(shares)[:, None] * (np.asarray(end) - first))
 
 
 def creased(solid: Solid, degrees: float = 50.0) -> Solid:
@@ -251,8 +247,7 @@ def spline(points: Sequence[Point] | np.ndarray, count: int, closed: bool = Fals
         through = np.vstack([through, through[:1]])
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(through, axis=0), axis=1))])
     curve = CubicSpline(length, through, bc_type="periodic" if closed else "natural")
-    result: np.ndarray = curve(np.linspace(0.0, length[-1], count, endpoint=not closed))
-    return result
+    return np.asarray(curve(np.linspace(0.0, length[-1], count, endpoint=not closed)))
 
 
 def rod(start: Point, end: Point, radius: float, sides: int = 16) -> Solid:

@@ -101,14 +101,12 @@ def mottle(seed: int, height: int = 128, width: int = 128, coarseness: float = 1
     frequency[0, 0] = np.inf
     spectrum = np.fft.fft2(np.random.default_rng(seed).normal(size=(height, width)))
     field: np.ndarray = np.real(np.fft.ifft2(spectrum / frequency**coarseness))
-    pattern: np.ndarray = np.clip(0.5 + field / (5 * field.std()), 0.0, 1.0)
-    return pattern
+    return np.asarray(np.clip(0.5 + field / (5 * field.std()), 0.0, 1.0))
 
 
 def mixed(first: Sequence[float], second: Sequence[float], share: np.ndarray) -> np.ndarray:
     """Return pixels [h, w, 3] between two colours, by the share [h, w] of the second."""
-    pixels: np.ndarray = (1 - share)[..., None] * np.asarray(first) + share[..., None] * np.asarray(second)
-    return pixels
+    return np.asarray((1 - share)[..., None] * np.asarray(first) + share[..., None] * np.asarray(second))
 
 
 def tinted(clear: Description, colour: Sequence[float]) -> Description:

@@ -37,7 +37,6 @@ def pixel_rays(
     width: int,
     height: int,
     strata: int = 1,
-    fov_x_radians: float = FOV_X_RADIANS,
     jitter: np.random.Generator | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return origins and unit directions [height · strata, width · strata, 3] through an even grid in every pixel.
@@ -45,7 +44,7 @@ def pixel_rays(
     With one stratum these are the rays through the pixel centres. With `jitter` each ray goes through a random point
     of its stratum: means are then unbiased, whereas those of a grid depend on its alignment with straight edges.
     """
-    focal = 0.5 * width / math.tan(0.5 * fov_x_radians)
+    focal = 0.5 * width / math.tan(0.5 * FOV_X_RADIANS)
     row, column = np.indices((height * strata, width * strata)) + 0.5
     if jitter is not None:
         row, column = row + jitter.uniform(-0.5, 0.5, row.shape), column + jitter.uniform(-0.5, 0.5, row.shape)

@@ -1,11 +1,11 @@
 """The look of scenes: repeated renders of one view, a contact sheet."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
 
-from scenes.catalog.entries import CLASSICS, scene_named
+from scenes.catalog.entries import scene_named
 from scenes.files.errors import InputError
 from scenes.rendering.render import LoadedScene, render_views, seed_from
 from scenes.rendering.store import LARGEST_SPP, check_resolution
@@ -15,7 +15,7 @@ from scenes.view_sets.viewpoints import TILT, all_poses, poses_on_sphere
 
 
 def repeated(
-    scene_name: str, view: int, resolution: int, spp: int, stream: str, count: int, variant: str | None = None
+    scene_name: str, view: int, resolution: int, spp: int, stream: str, count: int, variant: str | None
 ) -> Iterator[np.ndarray]:
     """Yield `count` estimates float64 [h, w, 4], linear and premultiplied, of a test view; other streams are
     independent. Raises `InputError` for an unknown scene or variant, a missing view and invalid sizes.
@@ -36,22 +36,16 @@ COLUMNS = 4
 AZIMUTH, ELEVATION = np.radians(40.0), TILT + np.radians(18.0)
 
 
-def write_sheet(
-    out: Path, names: list[str] | None = None, resolution: int = 400, spp: int = 256, variant: str | None = None
-) -> None:
-    """Render each scene once from the front right and above, and write them with their names as one PNG. Raises
-    `InputError` for an unknown scene or a file that cannot be written.
-    """
-    import matplotlib
+def write_sheet(out: Path, names: Iterable[str], resolution: int, spp: int, variant: str | None) -> None:
+    """Render each scene from the front right and above into one PNG; raises `InputError`, also for a bad `out`."""
     from matplotlib.figure import Figure
 
-    matplotlib.use("Agg")
-    if out.suffix.lower() != ".png" or not out.parent.is_dir():
+    if not out.parent.is_dir():
         raise InputError(f"{out}: give a .png file in a folder that exists")
     check_resolution(resolution)
     if not 2 <= spp <= LARGEST_SPP:
         raise InputError(f"--spp {spp}: choose 2 to {LARGEST_SPP}")
-    scenes = [scene_named(name) for name in names or CLASSICS]
+    scenes = [scene_named(name) for name in names]
     chosen = choose_variant(variant)
     pose = poses_on_sphere(np.array([AZIMUTH]), np.array([ELEVATION]))
     columns = min(COLUMNS, len(scenes))

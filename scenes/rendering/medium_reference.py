@@ -24,6 +24,8 @@ from scenes.rendering.variant import Variant
 SINGLE_SCATTERING = 2
 """The `max_depth` of `volpath` with one scattering event."""
 NO_ROULETTE = 100
+BATCHES = 32
+"""The number of independent batches of paths, whose spread gives the standard error."""
 PADDED = 0.6
 """The half-extent of the boundary around the medium's half of 0.5: rays that enter a tight boundary skip the first
 2e-4 of the medium (Mitsuba's ray epsilon), which costs 7 % at σ = 1000.
@@ -40,14 +42,11 @@ class Estimate:
 
 
 def tracked(
-    sigma: np.ndarray, colour: np.ndarray, origin: np.ndarray, direction: np.ndarray, paths: int, variant: Variant,
-    batches: int = 32,
-) -> Estimate:  # fmt: skip
-    """Estimate by `volpath` along the ray `origin` + t `direction` (unit), with about `paths` paths in independent
-    batches, whose spread gives the standard error.
-    """
+    sigma: np.ndarray, colour: np.ndarray, origin: np.ndarray, direction: np.ndarray, paths: int, variant: Variant
+) -> Estimate:
+    """Estimate by `volpath` along the ray `origin` + t `direction` (unit) with about `paths` paths."""
     mi = use(variant)
-    spp = even_spp(math.ceil(paths / batches))
+    spp = even_spp(math.ceil(paths / BATCHES))
     integrator = {"type": "volpath", "max_depth": SINGLE_SCATTERING, "rr_depth": NO_ROULETTE}
     irradiance = {"type": "rgb", "value": [8.0 * math.pi] * 3}
     light = {"type": "directional", "direction": direction.tolist(), "irradiance": irradiance}
@@ -68,10 +67,10 @@ def tracked(
             "sampler": {"type": "independent", "sample_count": spp},
         }
     )  # fmt: skip
-    seeds = [seed_from(float(sigma.sum()), batch) for batch in range(batches)]
+    seeds = [seed_from(float(sigma.sum()), batch) for batch in range(BATCHES)]
     images = [np.array(mi.render(scene, sensor=sensor, seed=seed, spp=spp), dtype=np.float64) for seed in seeds]
-    seen = np.array(images).reshape(batches, 3)
-    return Estimate(seen.mean(axis=0), seen.std(axis=0, ddof=1) / math.sqrt(batches), batches * spp)
+    seen = np.array(images).reshape(BATCHES, 3)
+    return Estimate(seen.mean(axis=0), seen.std(axis=0, ddof=1) / math.sqrt(BATCHES), BATCHES * spp)
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from scenes.files.atomic import write_atomically
 from scenes.files.digest import json_digest
 from scenes.files.errors import InputError
 from scenes.modelling.needs import glows
+from scenes.modelling.normalise import INFINITE
 from scenes.modelling.scene import Description
 from scenes.rendering.order import Order
 from scenes.view_sets.formats.transforms import read_json
@@ -41,16 +42,15 @@ def axes_of(bounds: np.ndarray, cells: int = CELLS) -> list[np.ndarray]:
     return [low + shares * (high - low) for low, high in np.asarray(bounds, dtype=np.float64).T]
 
 
-def inside(description: Description, bounds: np.ndarray, emitters_seen: bool, cells: int = CELLS) -> np.ndarray | None:
-    """Return the occupancy, bool [cells, cells, cells] over x, y, z of the box; None if a shape's inside is unknown."""
-    axes = axes_of(bounds, cells)
-    occupied = np.zeros((cells, cells, cells), dtype=bool)
+def inside(description: Description, bounds: np.ndarray, emitters_seen: bool) -> np.ndarray | None:
+    """Return the occupancy, bool [32, 32, 32] over x, y, z of the box; None if a shape's inside is unknown."""
+    axes = axes_of(bounds)
+    occupied = np.zeros((CELLS,) * 3, dtype=bool)
     for entry in description.values():
-        if not isinstance(entry, dict) or entry.get("type") in ("constant", "envmap", "directional"):
+        if not isinstance(entry, dict) or (kind := entry.get("type")) in INFINITE:
             continue
         if glows(entry) and not emitters_seen:
             continue
-        kind = entry.get("type")
         if kind == "mesh":
             occupied |= inside_mesh(np.asarray(entry["vertices"]), np.asarray(entry["faces"]), axes)
         elif kind in ("sphere", "cube"):
@@ -152,21 +152,15 @@ def with_occupancy(folder: Path, order: Order) -> Path:
     scene = order.scene
     occupied = None if scene.load else inside(order.description, np.array(manifest["bounds"]), scene.emitters_seen)
     if occupied is not None:
+        content, bits = _bound_to(manifest), np.packbits(occupied).tobytes()
+        content |= {"inside": base64.b64encode(bits).decode("ascii"), "checksum": json_digest(content, bits)}
         with suppress(OSError):  # a read-only cache: the occupancy stays unknown, and the report says so
-            write_occupancy(folder, manifest, occupied)
+            write_atomically(folder / NAME, json.dumps(content), fsync=False)
     return folder
-
-
-def write_occupancy(folder: Path, manifest: dict[str, object], occupied: np.ndarray) -> None:
-    """Write bool [32, 32, 32] with the digest of the manifest's view set. Raises `OSError`."""
-    content, bits = _bound_to(manifest), np.packbits(occupied).tobytes()
-    inside = {"inside": base64.b64encode(bits).decode("ascii"), "checksum": json_digest(content, bits)}
-    write_atomically(folder / NAME, json.dumps(content | inside), fsync=False)
 
 
 def read_occupancy(views: ViewSet) -> np.ndarray | None:
     """Read bool [32, 32, 32] over x, y, z of the view set's box; None if it is unknown, or `views` has another box.
-
     Raises `DamagedViewSet` for a file that is damaged or belongs to another view set.
     """
     if "bounds" not in views.rendered or not np.array_equal(views.bounds, views.rendered["bounds"]):

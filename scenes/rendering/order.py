@@ -49,10 +49,7 @@ class Order:
         return float(0.5 * self.resolution / np.tan(0.5 * FOV_X_RADIANS))
 
     def digest(self, variant: str) -> str:
-        """Return the hexadecimal digest of everything that the images depend on.
-
-        A `NoiseTarget` counts as such; the digest of the images holds the chosen numbers of samples instead.
-        """
+        """Return the hexadecimal digest of everything that the images depend on; a `NoiseTarget` counts as such."""
         scene = self.scene
         facts = {
             "format": SCHEMA,
@@ -81,9 +78,8 @@ REMAINDER = 1e-9
 
 
 def as_rendered(value: object) -> object:
-    """Return plain data with its numbers as Mitsuba gets them, in float32, and rounding errors of 0 in arrays as 0.
-
-    The last bits of a matrix product depend on the processor; view sets rendered on another processor stay valid.
+    """Return plain data with its numbers as Mitsuba gets them, float32, and rounding errors of 0 in arrays as 0: view
+    sets rendered on another processor, whose matrix products have other last bits, stay valid.
     """
     if isinstance(value, dict):
         return {key: as_rendered(inner) for key, inner in value.items()}

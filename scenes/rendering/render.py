@@ -97,12 +97,10 @@ class LoadedScene:
         check_scale(self.box())
 
     @staticmethod
-    def of(
-        scene: Scene, variant: Variant, width: int, height: int | None = None, integrator: str | None = None
-    ) -> "LoadedScene":
+    def of(scene: Scene, variant: Variant, size: int, integrator: str | None = None) -> "LoadedScene":
         """Load a scene of the catalogue as it is rendered: normalised where necessary."""
         description, _ = normalised(scene)
-        return LoadedScene(scene, description, variant, width, height or width, integrator)
+        return LoadedScene(scene, description, variant, size, size, integrator)
 
     def box(self) -> np.ndarray:
         """Return the corners [2, 3], float64, of the box around all shapes, or the declared box."""
@@ -120,8 +118,7 @@ class LoadedScene:
         """Return `box`, padded by 1 % of its longest side."""
         corners = self.box()
         padding = 0.01 * float((corners[1] - corners[0]).max()) + 1e-3
-        padded: np.ndarray = corners + np.array([[-padding], [padding]])
-        return padded
+        return np.asarray(corners + np.array([[-padding], [padding]]))
 
     def colour(self, camera_to_world: np.ndarray, spp: int, seed: int) -> np.ndarray:
         """Return one independent estimate: float64 [h, w, 4], linear, premultiplied."""
@@ -145,7 +142,6 @@ class LoadedScene:
         return depth, np.where(length > 1e-6, normal / np.where(length > 1e-6, length, 1.0), 0.0)
 
     def _render(self, scene: Any, integrator: Any, camera_to_world: np.ndarray, spp: int, seed: int) -> np.ndarray:
-        """Return the mean over all passes, float64 [h, w, channels]."""
         mi = use(self._variant)
         passes, spp_pass = self._passes(spp)
         sensor = self._sensor(spp_pass)
@@ -216,9 +212,8 @@ def _estimate(mi: ModuleType, scene: Any, integrator: Any, sensor: Any, spp: int
 
 
 def _without_lamps(mi: ModuleType, scene: Any) -> Any:
-    """Return the scene without shapes that glow, which the colour integrator hides; the scene itself if none glows.
-
-    Raises `InputError` if shapes are instances: Mitsuba cannot put their groups into another scene.
+    """Return the scene without shapes that glow, which the colour integrator hides. Raises `InputError` if shapes are
+    instances: Mitsuba cannot put their groups into another scene.
     """
     solid = [shape for shape in scene.shapes() if not shape.is_emitter()]
     if len(solid) == len(scene.shapes()):

@@ -54,9 +54,8 @@ def samples_for(target: NoiseTarget, few: float, more: float) -> int:
 
 
 def noise_curve(few: float, more: float) -> tuple[float, float]:
-    """Return a and b, not negative, of a / n + b / n^1.5: `more` at the larger of `PILOT_SPP`, `few` at the smaller.
-
-    Where noise falls faster or more slowly than such a curve can, as with rare bright samples, only `more` counts.
+    """Return a and b, not negative, of a / n + b / n^1.5 through `few` and `more` at `PILOT_SPP`; only through `more`
+    where noise falls faster or more slowly than such a curve can, as with rare bright samples.
     """
     n, m = PILOT_SPP
     b = (few * n - more * m) / (n**-0.5 - m**-0.5)
@@ -65,9 +64,7 @@ def noise_curve(few: float, more: float) -> tuple[float, float]:
 
 
 def pilot_noise(scene: LoadedScene, cameras: np.ndarray) -> tuple[float, float]:
-    """Return the mean square noise of a display image with each of `PILOT_SPP`: means over `PILOT_VIEWS` views, or all,
-    spread evenly over `cameras` [n, 4, 4].
-    """
+    """Return the mean square noise with each of `PILOT_SPP`, over `PILOT_VIEWS` spread evenly over `cameras`."""
     places = sorted({round(place) for place in np.linspace(0, len(cameras) - 1, PILOT_VIEWS)})
     few, more = (
         float(np.mean([_noise(scene, cameras[place], spp, place) for place in places])) for spp in PILOT_SPP

@@ -176,7 +176,6 @@ REFUSALS = {
 
 @contextmanager
 def _disk(cache: Path) -> Iterator[None]:
-    """Turn the system's refusal to write into an `InputError` that names the remedy."""
     try:
         yield
     except OSError as error:

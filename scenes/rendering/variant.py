@@ -86,9 +86,7 @@ def known_variant(name: str | None) -> str | None:
 
 
 def choose_variant(name: str | None = None) -> Variant:
-    """Return the fastest variant that works here, or the named one; the answer is cached. Raises `InputError` if the
-    named variant is unknown or does not work.
-    """
+    """Return the fastest variant that works here, or the named one, cached. Raises `InputError` if that fails."""
     return _choose(known_variant(name))
 
 
@@ -115,10 +113,10 @@ def _choose(wanted: str | None) -> Variant:
     raise InputError(f"Mitsuba variant {wanted} does not work here: {'; '.join(refused)}; choose auto or scalar_rgb")
 
 
-def llvm_libraries(folders: tuple[str, ...] = LIBRARY_FOLDERS) -> list[Path]:
+def llvm_libraries() -> list[Path]:
     """Return LLVM shared libraries that may be new enough: the user's `DRJIT_LIBLLVM_PATH` first, then newest first."""
     versions: dict[Path, int] = {}
-    for pattern in folders:
+    for pattern in LIBRARY_FOLDERS:
         root = Path(pattern)
         for folder in sorted(Path(root.anchor).glob(str(root.relative_to(root.anchor)))):
             for file in sorted(folder.glob("libLLVM[-.]*")):

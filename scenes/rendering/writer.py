@@ -59,9 +59,8 @@ def standings(names_of: dict[str, list[str]], spp: dict[str, int], kept: Collect
 def write_view_set(
     folder: Path, order: Order, variant: Variant, progress: Progress | None = None, donors: Sequence[Path] = ()
 ) -> None:
-    """Render into an empty folder, and copy views that are intact in one of `donors`; the manifest is written last.
-
-    Raises `InputError` for a user's scene that is too near to the cameras, or of which nothing is seen or lit.
+    """Render into an empty folder, or copy views that are intact in one of `donors`; the manifest comes last. Raises
+    `InputError` for a user's scene that is too near to the cameras, or of which nothing is seen or lit.
     """
     scene, started = order.scene, time.perf_counter()
     loaded = _loaded(order, variant)
@@ -81,7 +80,8 @@ def write_view_set(
         names, began = names_of[split], time.perf_counter()
         for name, view in _missing(loaded, scene, split, names, placed[split], spp[split], kept):
             _write_view(folder / name, view)
-            facts_of[name] = _facts(view)
+            seen, lit = bool(view.rgba[..., 3].any()), bool(view.rgba[..., :3].any())
+            facts_of[name] = {"noise_mse": view.noise_mse, "seen": seen, "lit": lit}
             note(folder, digest, name, {**facts_of[name], "seconds": time.perf_counter() - began})
             report(next(standing))
             began = time.perf_counter()
@@ -151,11 +151,6 @@ def _write_view(path: Path, view: RenderedView) -> None:
     channels |= {f"N.{axis}": view.normal[..., i] for i, axis in enumerate("XYZ")}
     channels |= {f"V.{channel}": view.variance[..., i] for i, channel in enumerate("RGBA")}
     write_channels(path.with_suffix(".exr"), channels)
-
-
-def _facts(view: RenderedView) -> Facts:
-    seen, lit = bool(view.rgba[..., 3].any()), bool(view.rgba[..., :3].any())
-    return {"noise_mse": view.noise_mse, "seen": seen, "lit": lit}
 
 
 def _require_visible(scene: Scene, facts: list[Facts]) -> None:

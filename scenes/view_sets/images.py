@@ -28,9 +28,8 @@ def pictures(folder: Path) -> list[Path]:
 
 
 def read_image(file: Path) -> np.ndarray:
-    """Read the first image of a file as float32 [h, w, channels]: integers divided by their largest, alpha as stored.
-
-    Raises `InputError`, naming the file, if it is missing, empty, truncated, not an image or too large.
+    """Read a file's first image as float32 [h, w, channels], integers divided by their largest. Raises `InputError`,
+    naming the file, if it is missing, empty, truncated, not an image or too large.
     """
     return _read(file)[0]
 
@@ -104,7 +103,6 @@ def _read(file: Path) -> tuple[np.ndarray, tuple[str, ...], Any]:
 
 
 def _pixels(source: Any, file: Path, kind: Any) -> np.ndarray:
-    """Return all pixels as `kind`, with straight alpha."""
     import OpenImageIO as oiio
 
     spec = source.spec()
@@ -119,7 +117,6 @@ def _pixels(source: Any, file: Path, kind: Any) -> np.ndarray:
 
 
 def _straight(pixels: np.ndarray, alpha: int, kind: Any) -> np.ndarray:
-    """Divide colour by alpha, and return levels of the given kind."""
     import OpenImageIO as oiio
 
     opacity = pixels[..., alpha : alpha + 1]

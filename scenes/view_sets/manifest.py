@@ -30,9 +30,8 @@ def write_manifest(folder: Path, facts: dict[str, object], files: list[Path]) ->
 
 
 def read_manifest(folder: Path) -> JsonObject:
-    """Return the manifest, or an empty dictionary if the folder has none, as those of other programs.
-
-    Raises `InputError` for another version and `DamagedViewSet` if the manifest was changed.
+    """Return the manifest, empty for a folder without one, as of another program. Raises `InputError` for another
+    version and `DamagedViewSet` if the manifest was changed.
     """
     file = folder / NAME
     if not file.exists():

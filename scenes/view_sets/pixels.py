@@ -53,8 +53,7 @@ def area_weights(size: int, new_size: int, scale: float) -> NDArray[np.float64]:
     pixel = np.arange(size)
     covered = np.minimum(start + scale, pixel + 1) - np.maximum(start, pixel)
     weights = np.clip(covered, 0.0, None)
-    shares: NDArray[np.float64] = weights / weights.sum(axis=1, keepdims=True)
-    return shares
+    return np.asarray(weights / weights.sum(axis=1, keepdims=True))
 
 
 def area_average(image: Pixels, width: int) -> NDArray[np.float64]:
@@ -85,10 +84,7 @@ def _weighted(weights: NDArray[np.float64], values: Pixels) -> NDArray[np.float6
 
 
 def area_average_straight(rgba: np.ndarray, width: int) -> np.ndarray:
-    """Resize straight RGBA with colours weighted by their alpha, so colour without coverage has no effect; float32.
-
-    Encoded values are averaged, as usual in the field: the result over white is the mean over white.
-    """
+    """Resize straight RGBA, float32, with encoded colours weighted by their alpha: over white, the mean over white."""
     premultiplied = np.concatenate([rgba[..., :3] * rgba[..., 3:], rgba[..., 3:]], axis=-1)
     return straight_from_premultiplied(area_average(premultiplied, width)).clip(0.0, 1.0).astype(np.float32)
 

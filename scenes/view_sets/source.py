@@ -173,8 +173,7 @@ MARGIN = 1.0
 
 def covered(alpha: np.ndarray, pixels: int) -> np.ndarray:
     """Return where an image [h, w] is covered, or within `pixels` of that along either axis, bool [h, w]."""
-    near: np.ndarray = maximum_filter(alpha >= LEAST_ALPHA, size=2 * pixels + 1, mode="constant", cval=False)
-    return near
+    return np.asarray(maximum_filter(alpha >= LEAST_ALPHA, size=2 * pixels + 1, mode="constant", cval=False))
 
 
 EDGE = 0.02
@@ -192,12 +191,9 @@ def covered_pixels(rgba: ImageStack) -> np.ndarray:
 
 
 def contrast(colours: np.ndarray) -> np.ndarray:
-    """Return, for each pixel of an image [h, w, channels], the largest difference of a channel within the 3 × 3 pixels
-    around it, [h, w].
-    """
+    """Return the largest difference of a channel within 3 × 3 pixels around each pixel of [h, w, channels], [h, w]."""
     around = (3, 3, 1)
-    difference: np.ndarray = (maximum_filter(colours, around) - minimum_filter(colours, around)).max(axis=-1)
-    return difference
+    return np.asarray((maximum_filter(colours, around) - minimum_filter(colours, around)).max(axis=-1))
 
 
 def hull(

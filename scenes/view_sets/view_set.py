@@ -29,13 +29,7 @@ from scenes.view_sets.formats.transforms import Frames, transforms_file
 from scenes.view_sets.image_stack import ImageStack, require_room
 from scenes.view_sets.images import read_channels
 from scenes.view_sets.manifest import NAME, DamagedViewSet, checked, read_manifest
-from scenes.view_sets.pixels import (
-    area_average,
-    area_average_hits,
-    decode_srgb,
-    display_from_linear,
-    over_white,
-)
+from scenes.view_sets.pixels import area_average, area_average_hits, decode_srgb, display_from_linear, over_white
 from scenes.view_sets.source import CELLS, Region, Source, carved, completed, hull, region_in
 from scenes.view_sets.viewpoints import SPLITS, evenly_spread, repeated
 
@@ -349,5 +343,4 @@ def linear_over_white(views: ViewSet, name: str) -> np.ndarray | None:
         rgba = area_average(rgba, views.width)
     # the light of each pixel beyond a white one of its coverage: alpha · max(colour − 1, 0)
     beyond = np.maximum(rgba[..., :3] - rgba[..., 3:].clip(0.0, 1.0), 0.0)
-    light: np.ndarray = decode_srgb(over_white(display_from_linear(rgba))) + beyond
-    return light
+    return np.asarray(decode_srgb(over_white(display_from_linear(rgba))) + beyond)

@@ -27,15 +27,13 @@ _SEEDS: dict[Split, int] = {"train": 20200819, "val": 20200820, "test": 0}
 def camera_to_world(
     split: Split, view_from: Literal["hemisphere", "sphere"] = "hemisphere", count: int | None = None
 ) -> np.ndarray:
-    """Return poses float64 [count, 4, 4], OpenGL axes; `count` views spread evenly, or all 100 / 100 / 200. Raises
-    `InputError` for a count that is negative or larger than the split.
-    """
+    """Return `count` evenly spread poses of a split, or all of them; raises `InputError` as `evenly_spread`."""
     poses = all_poses(split, view_from)
     return poses if count is None else poses[evenly_spread(count, poses, f"{split} views")]
 
 
 def all_poses(split: Split, view_from: Literal["hemisphere", "sphere"] = "hemisphere") -> np.ndarray:
-    """Return all poses of a split, float64 [views, 4, 4]."""
+    """Return all poses of a split, float64 [100 or 200, 4, 4], OpenGL axes."""
     count = VIEW_COUNTS[split]
     if split == "test":
         k = np.arange(count)
@@ -55,9 +53,7 @@ def all_poses(split: Split, view_from: Literal["hemisphere", "sphere"] = "hemisp
 
 
 def poses_on_sphere(azimuth: np.ndarray, elevation: np.ndarray, radius: float = RADIUS) -> np.ndarray:
-    """Return cameras [n, 4, 4] on a sphere about the origin, looking at it, z up; angles [n] in radians. A camera
-    straight above the object has an "up" as well.
-    """
+    """Return cameras [n, 4, 4] on a sphere about the origin, looking at it, z up, also at a pole; radians [n]."""
     sin_a, cos_a, sin_e, cos_e = np.sin(azimuth), np.cos(azimuth), np.sin(elevation), np.cos(elevation)
     zero = np.zeros_like(sin_a)
     right = np.stack([-sin_a, cos_a, zero], axis=-1)
@@ -115,11 +111,9 @@ def repeated(poses: np.ndarray) -> list[tuple[int, int]]:
 
 
 def evenly_spread(count: int, poses: np.ndarray, what: str = "views") -> np.ndarray:
-    """Return indices [count], increasing, of `count` of the cameras [n, 4, 4], spread evenly over *azimuth*.
-
-    Every k-th view of the test spiral would be wrong: every 25th of its 200 views has only four azimuths. So views are
-    ordered by azimuth about the z axis. Up to half of the spiral, all azimuths differ; an odd count alternates between
-    its two turns. Raises `InputError` unless 0 ≤ count ≤ n.
+    """Return increasing indices [count] of cameras [n, 4, 4] spread evenly over *azimuth*; raises `InputError` unless
+    0 ≤ count ≤ n. Every k-th view of the test spiral would be wrong: every 25th of 200 has only four azimuths. Up to
+    half of the spiral, all azimuths differ; an odd count alternates between its two turns.
     """
     if not 0 <= count <= len(poses):
         raise InputError(f"{count} {what} were asked for; choose 0 to {len(poses)}, the number that exists")
@@ -188,9 +182,8 @@ def _without_scale(poses: np.ndarray) -> list[str]:
 
 
 def check_poses(poses: np.ndarray, names: list[str], tolerance: float = 1e-3) -> None:
-    """Raise `InputError`, naming the view, unless every [4, 4] is finite and rigid up to `tolerance`.
-
-    Mitsuba renders a clean background for a NaN matrix without any message.
+    """Raise `InputError`, naming the view, unless every [4, 4] is finite and rigid up to `tolerance`: for a NaN Mitsuba
+    renders a clean background without any message.
     """
     for pose, name in zip(poses, names, strict=True):
         if not np.isfinite(pose).all():

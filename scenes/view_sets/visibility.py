@@ -63,7 +63,6 @@ def likely_cause(views: ViewSet, split: Split) -> str | None:
 
 
 def _seen(views: ViewSet, split: Split) -> np.ndarray:
-    """Return whether the tested pixels are covered, bool [views, pixels]."""
     step = _step(views)
     return np.stack([(image[::step, ::step, 3] >= LEAST_ALPHA).ravel() for image in split.rgba])
 
@@ -91,8 +90,7 @@ def _visibility(views: ViewSet, poses: np.ndarray, seen: np.ndarray, near: float
 def _wider(views: ViewSet, pose: np.ndarray) -> np.ndarray:
     """Return the box, wider on every side by the length of a pixel in its middle."""
     away = float(np.linalg.norm(pose[:3, 3] - views.bounds.mean(axis=0)))
-    wider: np.ndarray = views.bounds + away / views.focal * np.array([[-1.0], [1.0]])
-    return wider
+    return np.asarray(views.bounds + away / views.focal * np.array([[-1.0], [1.0]]))
 
 
 def _met(pose: np.ndarray, rays: np.ndarray, bounds: np.ndarray, near: float, far: float) -> np.ndarray:
@@ -101,5 +99,4 @@ def _met(pose: np.ndarray, rays: np.ndarray, bounds: np.ndarray, near: float, fa
     ends = (bounds[:, None] - pose[:3, 3]) / directions
     into, out_of = ends.min(axis=0).max(axis=-1), ends.max(axis=0).min(axis=-1)
     longest = float((bounds[1] - bounds[0]).max())
-    met: np.ndarray = np.minimum(out_of, far) - np.maximum(into, near) > LEAST_LENGTH * longest
-    return met
+    return np.asarray(np.minimum(out_of, far) - np.maximum(into, near) > LEAST_LENGTH * longest)

@@ -88,21 +88,15 @@ def agree(method: str, fields: list[NetworkField], sampling: Sampling, grid: Occ
 
 
 @every_method
-@pytest.mark.parametrize("capacity", [1.0, 0.7])
-def test_all_points_and_packed_ones_agree_with_the_exact_march(method: str, capacity: float) -> None:
+@pytest.mark.parametrize(("capacity", "grid"), [(1.0, None), (0.7, None), (1.0, half_empty()), (0.6, half_empty())])
+def test_all_packed_skipped_and_explored_points_agree_with_the_exact_march(
+    method: str, capacity: float, grid: OccupancyGrid | None
+) -> None:
     """Two thirds of the rays hit; a point that only fills the shape is in no mean of Listing 2 or Eq. 4."""
-    sampling = Sampling(bins=12, fixed=True, capacity=capacity)
-    if PARTS[method].quadrature == "listing4":
-        sampling = replace(sampling, capacity=1.0)
-    agree(method, [field_of(method)], sampling)
-
-
-@every_method
-@pytest.mark.parametrize("capacity", [1.0, 0.6])
-def test_skipped_and_explored_cells_agree(method: str, capacity: float) -> None:
-    sampling = Sampling(bins=12, hidden=True, exploration=0.2, fixed=True, capacity=capacity)
-    if PARTS[method].quadrature != "listing4":  # it has no grid
-        agree(method, [field_of(method)], sampling, half_empty())
+    if PARTS[method].quadrature == "listing4":  # it has no grid, and needs all points
+        capacity, grid = 1.0, None
+    skipping = {} if grid is None else {"hidden": True, "exploration": 0.2}
+    agree(method, [field_of(method)], Sampling(12, fixed=True, capacity=capacity, **skipping), grid)
 
 
 @pytest.mark.parametrize("method", ["nerf", "qnerf", "qnerf_repaired"])
@@ -111,9 +105,8 @@ def test_coarse_and_fine_passes_agree(method: str) -> None:
     agree(method, fields, Sampling(bins=8, fine_bins=6, fixed=True))
 
 
-@pytest.mark.parametrize("view_dependent", [False, True])
-def test_directions_are_seen_only_where_they_may_be(view_dependent: bool) -> None:
-    agree("nerf", [field_of("nerf", view_dependent=view_dependent)], Sampling(bins=8, fixed=True))
+def test_directions_are_seen_only_where_they_may_be() -> None:
+    agree("nerf", [field_of("nerf", view_dependent=False)], Sampling(bins=8, fixed=True))
 
 
 def test_what_does_not_fit_is_dropped_and_counted() -> None:

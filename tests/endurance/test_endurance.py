@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
+from tests.endurance.runs import ROOT
 
 
 @pytest.mark.slow

@@ -131,7 +131,6 @@ def names_what_is_wrong(message: str, arguments: list[str], package: str) -> boo
 
 
 def _command_of(arguments: list[str], package: str) -> argparse.ArgumentParser:
-    """Return the parser of the named command and study, or the complete parser."""
     parser = parser_of(package)
     while named := [inner for name, inner in _commands_of(parser).items() if name in arguments]:
         parser = named[0]

@@ -109,7 +109,6 @@ def trained(folder: Path) -> None:
 
 
 def small_run(folder: Path) -> None:
-    """Records of two scenes and three methods, with pictures."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         write_fake_run(folder, seeds=1, size=4, change=lambda run: replace(run, seeds=[0]))
@@ -118,7 +117,6 @@ def small_run(folder: Path) -> None:
 
 
 def studies(folder: Path) -> None:
-    """Records of studies, a folder for each shelf."""
     for shelf in ("speed", "stability", "evidence"):
         write_fake_studies(folder / shelf, shelf)
 
@@ -132,7 +130,6 @@ def gates(folder: Path) -> None:
 
 
 def started(folder: Path) -> None:
-    """A run and a film that were only started."""
     claim(folder / "run", planned("smoke"), Machine("cpu", 1, 1), resume=False)
     claimed_film(folder)
 
@@ -142,14 +139,12 @@ def claimed_film(folder: Path) -> None:
 
 
 def view_cache(folder: Path) -> None:
-    """Two pictures."""
     store = ViewStore(0, folder, 1 << 20)
     for number in range(2):
         store.store(64 * f"{number}", np.full((4, 5, 5), 0.25 * number, dtype=np.float32))
 
 
 def request(folder: Path) -> None:
-    """What the viewer's page sends."""
     folder.mkdir(parents=True)
     body = {"client": "c", "generation": 1, "scene": "ball", "methods": ["nerf"], "width": 16,
             "attention": {"kind": "foveal", "row": 0.5, "column": 0.5},
@@ -197,7 +192,6 @@ def tiny(folder: Path) -> None:
 
 
 def scene_files(folder: Path) -> None:
-    """A Mitsuba file with an included part and a picture, and a Python file."""
     folder.mkdir(parents=True)
     text = (ROOT / "docs/examples/my_scene.xml").read_text(encoding="utf-8")
     more = (
@@ -232,7 +226,6 @@ def train_on(folder: Path) -> None:
 
 
 def package(folder: Path) -> None:
-    """An installed package that offers methods."""
     facts = folder / "fuzzed_method-1.2.dist-info"
     facts.mkdir(parents=True)
     (facts / "METADATA").write_text("Metadata-Version: 2.1\nName: fuzzed-method\nVersion: 1.2\n", encoding="ascii")

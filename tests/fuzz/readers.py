@@ -62,8 +62,6 @@ REFUSALS = (InputError, DamagedRecord, NoRecords, BadRequest)
 
 @dataclass(frozen=True)
 class Reader:
-    """One way to read files."""
-
     make: Callable[[Path], object]
     """Writes a folder of valid files."""
     files: str
@@ -93,10 +91,6 @@ def image(folder: Path, file: Path) -> None:
 def records(folder: Path, file: Path) -> None:
     read_records(folder)
     read_run(folder), list(read_cells(folder)), read_comparisons(folder)
-
-
-def study(folder: Path, file: Path) -> None:
-    find_studies(file.parent, file.stem)
 
 
 def finished(folder: Path, file: Path) -> None:
@@ -253,10 +247,6 @@ def page(folder: Path, file: Path, *options: str) -> None:
     assert CODE not in text, f"text of a record has become code: {text[text.index(CODE) - 80 :][:200]!r}"
 
 
-def page_in_part(folder: Path, file: Path) -> None:
-    page(folder, file, "--partial")
-
-
 ENVIRONMENT = cache(shell.environment)
 SVG, DRAWN = figure.svg, dict[tuple[str, str], Any]()
 
@@ -282,9 +272,11 @@ READERS: dict[str, Reader] = {
     "image": Reader(material.pictures, "*", image),
     "records": Reader(material.small_run, "records/**/*.json", records, ("records",), anything=True),
     "pictures": Reader(material.small_run, "records/pictures/*", pictures),
-    "study": Reader(material.studies, "*/*.json", study),
+    "study": Reader(material.studies, "*/*.json", lambda folder, file: find_studies(file.parent, file.stem)),
     "page": Reader(material.small_run, "**/*.*", page, ("page",), slow=True),
-    "page_in_part": Reader(material.small_run, "**/*.*", page_in_part, ("page_in_part",), slow=True),
+    "page_in_part": Reader(
+        material.small_run, "**/*.*", lambda folder, file: page(folder, file, "--partial"), ("page_in_part",), slow=True
+    ),
     "study_page": Reader(material.studies, "*/*.json", page, slow=True),
     "plan": Reader(material.started, "run/records/plan.json", started, ("run",)),
     "film": Reader(material.started, "film/film.json", lambda folder, file: material.claimed_film(folder), ("film",)),

@@ -51,7 +51,6 @@ BITS = (b"\0\0\0\0", b"\xff\xff\xff\xff", b"\x7f\xff\xff\xff", b"\0\0\0\x80", b"
 
 
 def _like(value: Any) -> st.SearchStrategy[Any]:
-    """Draw another value of the same type; None counts as a number."""
     if isinstance(value, bool):
         return st.just(not value)
     if isinstance(value, str):
@@ -157,7 +156,6 @@ def archived(arrays: dict[str, bytes]) -> bytes:
 
 
 def opened(data: bytes) -> tuple[Any, bytes]:
-    """Return the header of a safetensors file, and its tensors."""
     length = int.from_bytes(data[:8], "little")
     return json.loads(data[8 : 8 + length]), data[8 + length :]
 
@@ -177,7 +175,6 @@ WAYS: dict[str, tuple[Callable[[bytes], st.SearchStrategy[bytes]], ...]] = {
 
 
 def spoilt(file: Path) -> st.SearchStrategy[bytes]:
-    """Return possible corrupt contents of a file of this kind."""
     valid = file.read_bytes()
     return st.one_of(*(way(valid) for way in (*WAYS.get(file.suffix, ()), in_bytes)))
 
@@ -228,7 +225,6 @@ def _listing_sealed(data: bytes) -> bytes:
 
 
 def png_sealed(data: bytes) -> bytes:
-    """Return a PNG with the right checksum after each chunk."""
     sealed, start = bytearray(data[:8]), 8
     while start + 12 <= len(data):
         length = min(int.from_bytes(data[start : start + 4], "big"), len(data) - start - 12)

@@ -127,8 +127,6 @@ def test_valid_input_is_read_and_resealing_changes_nothing(name: str, scratch: P
 
 
 def put(value: Any, *place: str | int) -> Callable[[bytes], bytes]:
-    """Return a change of one value in a JSON file."""
-
     def change(data: bytes) -> bytes:
         whole = here = json.loads(data)
         for step in place[:-1]:
@@ -140,13 +138,11 @@ def put(value: Any, *place: str | int) -> Callable[[bytes], bytes]:
 
 
 def inside(text: str) -> Callable[[bytes], bytes]:
-    """Return a Mitsuba file with additional content."""
     ball = '<shape type="sphere"><bsdf type="diffuse"/></shape><emitter type="constant"/>'
     return lambda _: f'<scene version="3.0.0">{text}{ball}</scene>'.encode()
 
 
 def scene(title: str, ball: str) -> Callable[[bytes], bytes]:
-    """Return a Python file with a scene."""
     program = f"from scenes.modelling.scene import Scene\nSCENE = Scene('a', {title}, lambda: {{'ball': {ball}}})\n"
     return lambda _: program.encode()
 
@@ -275,30 +271,15 @@ def test_the_watch_sees_faults(watch: Watch, scratch: Path, monkeypatch: pytest.
         watch.is_read(endless, (ValueError,), ("a",))
 
 
-@pytest.mark.parametrize(
-    ("message", "is_good"),
-    [
-        ("a.json: holds a list, not an object", True),
-        ("holds a list, not an object", False),
-        ("a.json: 7", False),
-        ("a.json: this is wrong\x1b[2J", False),
-        ("a.json: this is wrong" + "x" * 5000, False),
-    ],
-)
-def test_a_refusal_names_what_is_wrong_and_the_reason(message: str, is_good: bool) -> None:
-    assert (fault_of(message, ("a.json",)) is None) == is_good
+def test_a_refusal_names_what_is_wrong_and_the_reason() -> None:
+    assert fault_of("a.json: holds a list, not an object", ("a.json",)) is None
+    wrong = "a.json: this is wrong"
+    for message in ("holds a list, not an object", "a.json: 7", f"{wrong}\x1b[2J", wrong + "x" * 5000):
+        assert fault_of(message, ("a.json",))
 
 
-@pytest.mark.parametrize(
-    ("text", "arguments", "named"),
-    [
-        ("argument --page: expected one argument", ["a", "--page"], True),
-        ("--page: goes with several outputs alone", ["a", "--page", "b"], True),
-        ("--pages: goes with several outputs alone", ["a", "--page", "b"], False),
-        ("goes with several outputs alone; it is wrong", ["a", "--page", "b"], False),
-        ("a/b: no such folder", ["a/b"], True),
-        ("no such folder as that one", ["a/b"], False),
-    ],
-)
-def test_a_refusal_names_an_option_or_a_file(text: str, arguments: list[str], named: bool) -> None:
-    assert names_what_is_wrong(text, arguments, "reports") == named
+def test_a_refusal_names_an_option_or_a_file() -> None:
+    for text in ("argument --page: expected one argument", "--page: goes with several outputs alone", "a/b: missing"):
+        assert names_what_is_wrong(text, ["a/b", "--page"], "reports")
+    for text in ("--pages: goes with several outputs alone", "goes with several outputs alone", "no such folder"):
+        assert not names_what_is_wrong(text, ["a/b", "--page"], "reports")

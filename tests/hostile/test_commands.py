@@ -34,7 +34,6 @@ def refusal(capsys: pytest.CaptureFixture[str], program: str, *words: str | Path
 
 
 TABLES: dict[str, tuple[str | bytes, str]] = {
-    "another unit": (TABLE.replace("20.0", "20 cm", 1), "line 2: psnr is '20 cm', not a finite number"),
     "UTF-16 without its mark": (TABLE.encode("utf-16")[2:], "is not text"),
     "a page": ("<html></html>", "is a page or a drawn table; save the table as CSV"),
     "a score below any": (TABLE.replace("20.0", "-5", 1), "psnr is -5, but lies between 0 and 400"),

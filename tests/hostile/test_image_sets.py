@@ -121,7 +121,6 @@ REFUSED: dict[str, tuple[Spoil, str]] = {
     "a training photo as a test": (lambda folder: shutil.copy(folder / LISTING, folder / TEST_LISTING),
                                    "is a training and a test view"),
     "a focal length as text": (lens(fl_x="30 px"), "got `str` - at `$.fl_x`"),
-    "two focal lengths": (lens(camera_angle_x=2.0), "camera_angle_x is 2, and fl_x and w say 0.691"),
     "a frame's own focal length": (nerfstudio(fl_x=90.0), "fl_x is 90.0, and 33.3"),
     "a frame's own size": (nerfstudio(w=12, h=12), "w is 12.0, and 24.0 for all frames"),
     "a centre outside": (lens(cx=500), "no pinhole fits into this lens"),

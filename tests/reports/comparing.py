@@ -77,9 +77,7 @@ def settle(view: Any) -> None:
 
 
 def settle_address(view: Any) -> None:
-    """Wait until the address holds the last choice: `state.js` writes it 250 ms after a series of changes, and the
-    timers of a page fire in order.
-    """
+    """Wait until the address holds the last choice, which `state.js` writes 250 ms after a series of changes."""
     settle(view)
     view.evaluate("new Promise(done => setTimeout(done, 300))")
 

@@ -227,9 +227,7 @@ def write_fake_run(
     change: Callable[[RunRecord], RunRecord] = lambda run: run,
     change_cell: Callable[[CellRecord], CellRecord] = lambda cell: cell,
 ) -> Path:  # fmt: skip
-    """Write the run under `out` and return `out`; the last qnerf cell of the last scene diverged. The truth of the
-    scenes in `hdr` is brighter than white.
-    """
+    """Return `out` with the run; its last qnerf cell diverged, the truth of scenes in `hdr` is brighter than white."""
     every = product(enumerate(scenes), methods, range(seeds))
     cells = [fake_cell(scene, place, method, seed) for (place, scene), method, seed in every]
     if with_diverged:

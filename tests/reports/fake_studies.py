@@ -87,9 +87,7 @@ def lines(
     panel: str, item: int, axes: tuple[str, str], x: list[float], y_of: Callable[..., float],
     names: dict[str, tuple[float, ...]], log: str = "xy", band: float = 0.0,
 ) -> list[Series]:  # fmt: skip
-    """Return a line per name: `y_of` of x and the numbers of that name; `log` are the logarithmic axes, `band` is the
-    relative half width of a band.
-    """
+    """Return a line per name: `y_of` of x and the numbers of that name; `band` is the relative half width of a band."""
     made = [
         Series(panel, item, name, *axes, x, [y_of(at, *more) for at in x], log_x="x" in log, log_y="y" in log)
         for name, more in names.items()

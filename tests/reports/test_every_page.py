@@ -11,7 +11,7 @@ from harness.records.study import Studies, read_studies
 from harness.verdicts.judging.judgement import judge
 from harness.verdicts.tables.result_table import read_table
 from reports.data.load import read_records
-from reports.data.shelf_records import ShelfRecords
+from reports.data.studies_load import ShelfRecords
 from reports.run.run_page import page
 from reports.studies.judgement import judgement_page
 from reports.studies.study_page import shelf_shown, study_page
@@ -62,20 +62,12 @@ def _unfinished(out: Path) -> str:
     return page(replace(records, run=replace(records.run, finished=False)))
 
 
-def _judgement(out: Path) -> str:
-    table = read_table([ROOT / "docs/examples/nerfbaselines-blender.csv"])
-    return judgement_page(judge(table, None, None))
-
-
-def _frontier(out: Path) -> str:
-    return study_page(shelf_shown(read_studies(ROOT / "docs/frontier/frontier.json")))
-
-
+LEADERBOARD, FRONTIER = ROOT / "docs/examples/nerfbaselines-blender.csv", ROOT / "docs/frontier/frontier.json"
 PAGES: dict[str, Callable[[Path], str]] = {
     "report": _report,
     "unfinished": _unfinished,
-    "judgement": _judgement,
-    "frontier": _frontier,
+    "judgement": lambda _: judgement_page(judge(read_table([LEADERBOARD]), None, None)),
+    "frontier": lambda _: study_page(shelf_shown(read_studies(FRONTIER))),
 } | {
     f"{kind}{shelf}": partial(_studies, change(fake_studies(shelf, failing=True)))
     for kind, change in (("", lambda record: record), ("hostile ", partial(hostile, word=HOSTILE)))

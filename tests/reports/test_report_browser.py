@@ -7,7 +7,7 @@ import pytest
 
 from harness.verdicts.comparisons import scores_at
 from reports.data.load import read_records
-from reports.data.shelf_records import ShelfRecords
+from reports.data.studies_load import ShelfRecords
 from reports.drawing.traces import rounded
 from reports.run.run_page import write_page
 from reports.studies.forest import forests

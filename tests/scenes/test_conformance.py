@@ -17,7 +17,7 @@ from scenes.modelling.truth import pixel_means, pixel_rays
 from scenes.rendering.render import LoadedScene, RenderedView, render_views, seed_from, use
 from scenes.rendering.variant import Variant, llvm_libraries, probe
 from scenes.view_sets.viewpoints import camera_to_world
-from tests.scenes.loading import load
+from tests.scenes.loading import SCALAR, load
 
 
 @pytest.fixture(scope="module")
@@ -100,9 +100,9 @@ def views_of(name: str, variant: Variant) -> tuple[np.ndarray, list[RenderedView
     return loaded.bounds(), list(render_views(loaded, poses, 8, range(3), ["a", "b", "c"]))
 
 
-def test_it_renders(name: str, scalar: Variant) -> None:
+def test_it_renders(name: str) -> None:
     scene, _ = built(name)
-    bounds, views = views_of(name, scalar)
+    bounds, views = views_of(name, SCALAR)
     assert np.abs(bounds).max() < 1.5
     for view in views:
         alpha, colour = view.rgba[..., 3], view.rgba[..., :3]
@@ -118,8 +118,8 @@ def test_it_renders(name: str, scalar: Variant) -> None:
 
 
 @pytest.mark.slow
-def test_it_renders_alike_with_llvm(name: str, scalar: Variant, fast: Variant) -> None:
-    slow_views, fast_views = views_of(name, scalar)[1], views_of(name, fast)[1]
+def test_it_renders_alike_with_llvm(name: str, fast: Variant) -> None:
+    slow_views, fast_views = views_of(name, SCALAR)[1], views_of(name, fast)[1]
     for slow, quick in zip(slow_views, fast_views, strict=True):
         for channel in range(4):
             shift = float((slow.rgba - quick.rgba)[..., channel].mean())
@@ -150,8 +150,6 @@ def test_llvm_gives_the_same_bits_on_any_number_of_threads_and_what_mitsuba_adds
     assert np.abs(tries[0][0] - theirs).max() < 1e-5
 
 
-# stress scenes and ladders
-
 SIZE = 12
 UNIT = Scene("unit", "Ball, block and floor at unit scale: what tiny and huge are held to", scales.unit)
 REPEATS = 6
@@ -162,7 +160,7 @@ WITH_TRUTH = [name for name in (*STRESS, *RUNGS) if scene_named(name).truth is n
 @cache
 def seen(name: str, spp: int = 16) -> tuple[LoadedScene, RenderedView, np.ndarray]:
     scene = scene_named(name)
-    loaded = LoadedScene.of(scene, Variant("scalar_rgb", None, "test"), SIZE)
+    loaded = LoadedScene.of(scene, SCALAR, SIZE)
     pose = camera_to_world("test", scene.view_from, 5)[1]
     return loaded, next(render_views(loaded, pose[None], spp, [1], [name])), pose
 
@@ -242,7 +240,7 @@ def test_any_unit_is_brought_to_the_unit_scene(name: str) -> None:
     description, change = normalised(scene_named(name))
     assert (change is None) == (name == "scale_1")
     assert box_of(description) == pytest.approx(box_of(scales.unit()), abs=1e-5)
-    expected = LoadedScene.of(UNIT, Variant("scalar_rgb", None, "test"), SIZE)
+    expected = LoadedScene.of(UNIT, SCALAR, SIZE)
     loaded, _, pose = seen(name)
     own = np.array([loaded.colour(pose, 64, seed).mean((0, 1)) for seed in range(REPEATS)])
     theirs = np.array([expected.colour(pose, 64, 100 + seed).mean((0, 1)) for seed in range(REPEATS)])
@@ -250,7 +248,7 @@ def test_any_unit_is_brought_to_the_unit_scene(name: str) -> None:
     assert (np.abs(own.mean(0) - theirs.mean(0)) < 4.5 * error + 1e-6).all()
 
 
-def test_emitters_that_are_seen_and_a_sky_exclude_each_other(scalar: Variant) -> None:
+def test_emitters_that_are_seen_and_a_sky_exclude_each_other() -> None:
     description = {**scene_named("mirror").build(), "sky": {"type": "constant"}}
     with pytest.raises(RuntimeError, match="sky"):
-        load(description, scalar, 4, emitters_seen=True)
+        load(description, 4, emitters_seen=True)

@@ -124,12 +124,11 @@ def with_replicates(folder: Path, published: Verdict, replicates: Sequence[Verdi
     """Write the default run with one verdict for every pair over all scenes in both senses, and two replicates."""
 
     def judge(data: dict[str, Any], verdict: Verdict, difference: float) -> None:
+        words = plain(verdict)
         for row in data["comparisons"]:
             if row["scene"] == "all" and row["metric"] == "psnr":
                 row["difference"] = difference
-                row["verdict"] = row["scenes_like_these"]["verdict"] = row["on_these_scenes"]["verdict"] = plain(
-                    verdict
-                )
+                row["verdict"] = row["scenes_like_these"]["verdict"] = row["on_these_scenes"]["verdict"] = words
 
     runs = []
     for verdict, difference in zip(replicates, differences, strict=True):

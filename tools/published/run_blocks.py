@@ -59,8 +59,8 @@ def in_both(run: Run, other: Run) -> list[str]:
 
 
 def estimate(comparison: Run, sense: str, replicates: Run | None = None) -> str:
-    """Format the interval of the verdict with its words: `−0.13 to +0.50: sign and size open`. If a replicate does not
-    repeat the words, format what all share: `−0.13 to +0.50; +0.12 to +0.14 dB in three runs: above 0, size open`.
+    """Format `−0.13 to +0.50: sign and size open`; if a replicate does not repeat the words, what all share:
+    `−0.13 to +0.50; +0.12 to +0.14 dB in three runs: above 0, size open`.
     """
     known = comparison[sense]
     pair = known and (known["simultaneous"] or known["interval"])
@@ -113,17 +113,14 @@ def verdict(late: Run, early: Run, replicates: Run) -> str:
         "is known of sign and size (± 0.2 dB matter)."
     )
     sentences.append(NOT_REPEATED.format("The late run") if replicates.get("runs") else NONE_REPEATED)
-    minutes, commits = (listed(list(words)) for words in zip(*map(_made, (late, early)), strict=True))
+    minutes = listed([f"{run['phases']['total'] / 60:.0f}" for run in (late, early)])
+    commits = listed([run["provenance"]["commit"] for run in (late, early)])
     scene = late["scenes"][0]
     sentences.append(
         f"{counted(len(late['scenes']), 'scene')} × {counted(len(late['seeds']), 'seed')}, {scene['width']} × "
         f"{scene['height']} px; {minutes} minutes on {late['provenance']['cores']} cores; commits {commits}."
     )
     return " ".join(sentences)
-
-
-def _made(run: Run) -> tuple[str, str]:
-    return f"{run['phases']['total'] / 60:.0f}", run["provenance"]["commit"]
 
 
 def differences(run: Run, budget: str = "steps", replicates: Run | None = None) -> str:
@@ -175,9 +172,7 @@ def training(run: Run) -> str:
 
 
 def second_run(run: Run, other: Run, replicates: Run) -> str:
-    """Tabulate a second run of the same methods next to the default run, to which `replicates` belong: over all scenes
-    if both runs have the same, else scene by scene.
-    """
+    """Tabulate a second run next to the default run, to which `replicates` belong; scene by scene if scenes differ."""
     runs, methods = (run, other), in_both(run, other)
     names, others = ([scene["scene"] for scene in each["scenes"]] for each in runs)
     common = [name for name in names if name in others]
@@ -253,7 +248,6 @@ OWN_CONSTANTS = "In each column, every method has the constants that a search ch
 
 
 def density_of(run: Run, method: str) -> tuple[float, float | None]:
-    """Return unit of density and start of a method."""
     own = run["settings"]["train"]["own"][method]
     return own["density_scale"], own["start"]
 

@@ -58,9 +58,7 @@ def start_in_words(start: float | None) -> str:
 
 
 def surface(search: Search) -> list[Panel]:
-    """Draw a panel for each method: validation PSNR against the unit of density, a line for each start, and marks for
-    the pairs that were trained for all steps.
-    """
+    """Draw a panel for each method: a line for each start, and marks for the pairs that were trained for all steps."""
     brief, full = budgets(search)
     every = [
         mean for method in methods(search) for steps in (brief, full) for mean in means(search, method, steps).values()

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from baselines.numerics.attention.priorities import BadAttention, checked
+from baselines.numerics.attention.priorities import BadAttention
 from baselines.numerics.attention.regions import Regions
 
 HALF_ACUITY_DEGREES = 2.3
@@ -28,35 +28,29 @@ def around_point(regions: Regions, row: float, column: float, radius: float) -> 
     return mean_attention(regions, 1.0 / (1.0 + (down / radius) ** 2 + (right / radius) ** 2), "point of interest")
 
 
-def foveal(
-    regions: Regions, row: float, column: float, focal: float, half_at: float = HALF_ACUITY_DEGREES
-) -> np.ndarray:
+def foveal(regions: Regions, row: float, column: float, focal: float) -> np.ndarray:
     """Return the acuity of an eye that looks at a point of the picture, relative to its maximum: 1 / (1 + e / e₂).
 
     e is a pixel's eccentricity in degrees, the angle at the camera between its ray and that of the gaze point. It is
-    the eye's eccentricity if the picture is seen from its centre of projection. e₂ = `half_at`. The formula is the
-    highest frequency seen at full contrast in Geisler & Perry (1998), "A real-time foveated multiresolution system for
-    low-bandwidth video communication". `focal` is in pixels.
+    the eye's eccentricity if the picture is seen from its centre of projection. The formula is the highest frequency
+    seen at full contrast in Geisler & Perry (1998), "A real-time foveated multiresolution system for low-bandwidth
+    video communication"; e₂ is `HALF_ACUITY_DEGREES`. `focal` is in pixels.
     """
     _require_point(row, column)
-    if not (math.isfinite(focal) and focal > 0.0 and math.isfinite(half_at) and half_at > 0.0):
-        raise BadAttention(f"fovea: focal length {focal:g} px, half acuity at {half_at:g}°; must be finite and above 0")
+    if not (math.isfinite(focal) and focal > 0.0):
+        raise BadAttention(f"fovea: focal length {focal:g} px; must be finite and above 0")
     centre = np.array([column - 0.5 * regions.width, row - 0.5 * regions.height, focal])
     down, right = _offsets(regions, 0.5 * regions.height, 0.5 * regions.width)
     down, right = np.broadcast_arrays(down, right)
     ray = np.stack([right, down, np.full_like(down, focal)], axis=-1)
     # the arc cosine of a scalar product would lose half of the digits near the centre
     angle = np.arctan2(np.linalg.norm(np.cross(ray, centre), axis=-1), ray @ centre)
-    return mean_attention(regions, 1.0 / (1.0 + np.degrees(angle) / half_at), "fovea")
+    return mean_attention(regions, 1.0 / (1.0 + np.degrees(angle) / HALF_ACUITY_DEGREES), "fovea")
 
 
 def from_gradients(regions: Regions, image: np.ndarray) -> np.ndarray:
-    """Return the length of the gradient of an image [height, width] or [height, width, channels] over all channels, by
-    central differences. An image of a single colour leads to plain rendering.
-    """
+    """Return the length of the gradient of an image [height, width, …] over all channels, by central differences."""
     given = np.asarray(image, dtype=np.float64)
-    if given.ndim not in (2, 3) or given.shape[:2] != (regions.height, regions.width):
-        raise _wrong_shape(regions, given, "image")
     slopes = [np.gradient(given, axis=axis) for axis in (0, 1) if given.shape[axis] > 1]
     square = sum((slope**2 for slope in slopes), np.zeros_like(given))
     return mean_attention(regions, np.sqrt(square.sum(axis=-1) if given.ndim == 3 else square), "gradient")
@@ -97,12 +91,10 @@ MAPS: dict[str, Callable[[MapInputs], np.ndarray]] = {
 
 
 def mean_attention(regions: Regions, values: object, what: str) -> np.ndarray:
-    """Return the mean of each region over `values` [height, width]: booleans or numbers ≥ 0. All zero leads to plain
-    rendering. An invalid pixel is named, as a mean could hide it.
-    """
+    """Average `values` [height, width], booleans or numbers ≥ 0, over each region. An invalid pixel is named."""
     given = np.asarray(values, dtype=np.float64)
     if given.shape != (regions.height, regions.width):
-        raise _wrong_shape(regions, given, what)
+        raise BadAttention(f"{what} {list(given.shape)}: the picture is [{regions.height}, {regions.width}]")
     bad = ~(np.isfinite(given) & (given >= 0.0))
     if bad.any():
         row, column = divmod(int(bad.argmax()), regions.width)
@@ -110,11 +102,7 @@ def mean_attention(regions: Regions, values: object, what: str) -> np.ndarray:
             f"{what}: region {regions.of_pixel[row, column]} has {given[row, column]:g} at row {row}, column {column}; "
             "must be finite and not below 0"
         )
-    return checked(regions.mean(given), regions.count)
-
-
-def _wrong_shape(regions: Regions, given: np.ndarray, what: str) -> BadAttention:
-    return BadAttention(f"{what} {list(given.shape)}: the picture is [{regions.height}, {regions.width}]")
+    return regions.mean(given)
 
 
 def _require_point(row: float, column: float) -> None:

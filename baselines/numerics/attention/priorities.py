@@ -79,40 +79,33 @@ def region_order(attention: np.ndarray) -> np.ndarray:
     return np.argsort(rank, kind="stable")
 
 
-def allocated_bins(attention: np.ndarray, rays: np.ndarray, bins: float, least: int = 1) -> np.ndarray:
+def allocated_bins(attention: np.ndarray, rays: np.ndarray, bins: int, least: int) -> np.ndarray:
     """Return bins per ray in each region, int [regions], for a mean of `bins` per ray.
 
     Each ray gets `least` bins, and a part of the remaining bins in proportion to the attention of its region; integers
     follow from the largest remainder (ties row by row). The total Σ rays · bins is never exceeded. It is met exactly if
     all regions have equally many rays; otherwise the rest is smaller than the number of rays of the largest region.
-    Equal attention gives `bins` everywhere. `bins` need not be an integer (equal attention rounds it down).
-    Raises `BadAttention`, and `ValueError` unless 1 ≤ least ≤ bins and each region has a ray.
+    Equal attention gives `bins` everywhere. Raises `BadAttention`.
     """
     given = checked(attention)
-    counts = np.asarray(rays)
-    if counts.shape != given.shape or counts.min() < 1:
-        raise ValueError(f"rays {counts.shape}: must be at least one in each of {len(given)} regions")
-    if not 1 <= least <= bins:
-        raise ValueError(f"at least {least} of {bins} bins per ray: must lie between 1 and {bins}")
     if is_equal(given):
-        return np.full(len(given), int(bins))
+        return np.full(len(given), bins)
     relative = given / given.max()
-    free = int((bins - least) * int(counts.sum()))
-    step = 2.0 ** -max(BINARY_PLACES, int(counts.sum()).bit_length())
-    exact = np.round(free * relative / (relative * counts).sum() / step) * step
+    total = int(rays.sum())
+    free = (bins - least) * total
+    step = 2.0 ** -max(BINARY_PLACES, total.bit_length())
+    exact = np.round(free * relative / (relative * rays).sum() / step) * step
     more: NDArray[np.int64] = np.floor(exact).astype(np.int64)
-    left = free - int((more * counts).sum())
+    left = free - int((more * rays).sum())
     for region in np.argsort(more - exact, kind="stable"):
-        if counts[region] <= left:
+        if rays[region] <= left:
             more[region] += 1
-            left -= int(counts[region])
+            left -= int(rays[region])
     return least + more
 
 
-def without_phi(attention: np.ndarray, rays: np.ndarray, bins: int, least: int = 1) -> tuple[float, bool, bool]:
-    """Return the sum of the priorities P, and whether the order of regions and the numbers of bins by P differ from
-    those by the shares, which lack the factor φ.
-    """
+def without_phi(attention: np.ndarray, rays: np.ndarray, bins: int, least: int) -> tuple[float, bool, bool]:
+    """Return Σ P, and whether the order of regions and the numbers of bins differ from those without φ, by shares."""
     with_it, without = priorities(attention), shares(attention)
     same_order = np.array_equal(region_order(with_it), region_order(without))
     bins_with, bins_without = (allocated_bins(each, rays, bins, least) for each in (with_it, without))

@@ -6,21 +6,24 @@ import os
 import platform
 import signal
 import socket
+import sys
 import threading
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypedDict
+
+import torch
 
 from harness.execution.cluster.node_work import wrong_node
 from harness.execution.cluster.room import fits, needs_of
 from harness.execution.cluster.view_set_files import node_folder
 from harness.machine.cores import own_siblings, physical_cores
-from harness.machine.provenance import differences, our_folders, versions
+from harness.machine.device import chosen_device, multiplies_bfloat16
+from harness.machine.provenance import differences, our_folders, processor, versions
 from harness.machine.wait_policy import wait_policy
-from scenes.files.errors import InputError
+from scenes.files.errors import InputError, short
 
 HOW_TO_INSTALL = (
     "--executor ray: Ray is not installed; `python -m pip install ray==2.60.0` (or the extra `ray` of pyproject.toml) "
@@ -34,14 +37,13 @@ _given_up = False
 
 
 class NodeAnswer(TypedDict):
-    """The report of a node about itself."""
-
     versions: dict[str, str]
     processor: str
     bfloat16: bool
     cores: list[tuple[int, ...]]
     """The numbers of the hardware threads of each core."""
     machine: str
+    """An identity that all containers of a machine share."""
 
 
 @dataclass(frozen=True)
@@ -90,8 +92,9 @@ def connect(address: str | None) -> None:
         "env_vars": wait_policy(os.environ),
     }
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    handler = signal.getsignal(signal.SIGTERM)
     try:
-        with contextlib.redirect_stderr(io.StringIO()), _our_signals():
+        with contextlib.redirect_stderr(io.StringIO()):
             _check_head(address)
             ray.init(
                 # None would join the cluster that was last started on this machine
@@ -101,6 +104,9 @@ def connect(address: str | None) -> None:
                 logging_level="ERROR",
                 **({} if address else {"include_dashboard": False, "num_cpus": physical_cores()}),
             )
+        # Ray replaces the run's handler (`scenes.files.stopping`)
+        if handler is not None and threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGTERM, handler)
         # the executor reports a dead node in one line
         ray._private.worker._worker_logs_enabled = False
     except ray.exceptions.AuthenticationError as error:
@@ -109,7 +115,7 @@ def connect(address: str | None) -> None:
             "in ~/.ray/auth_token or RAY_AUTH_TOKEN (`ray get-auth-token` on a node of it prints it)"
         ) from error
     except (ConnectionError, ValueError, RuntimeError, OSError) as error:
-        message = " ".join(str(error).split())[:300]
+        message = short(error)
         if "Version mismatch" in message:
             raise InputError(
                 f"--ray-address {address}: the cluster runs another Ray or Python than this command ({message}); "
@@ -132,8 +138,6 @@ def _check_head(address: str | None) -> None:
 
 def disconnect() -> None:
     """End what `connect` started, unless the cluster was given up."""
-    import sys
-
     if not _given_up and (ray := sys.modules.get("ray")) is not None:
         ray.shutdown()  # also after a refused connection
 
@@ -207,47 +211,25 @@ def _answer_of(reference: object, otherwise: str) -> Any:
         return ray.get(reference, timeout=CHECK_SECONDS)
     except ray.exceptions.RayError as error:
         ray.cancel(reference, force=True)
-        message = " ".join(str(error).split())[:300]
-        raise InputError(f"--executor ray: {otherwise} ({message})") from error
+        raise InputError(f"--executor ray: {otherwise} ({short(error)})") from error
 
 
 def _this_node() -> NodeAnswer:
-    import torch
-
-    from harness.machine.device import multiplies_bfloat16
-    from harness.machine.provenance import processor
-
+    boot = Path("/proc/sys/kernel/random/boot_id")
     return {
         "versions": versions(),
         "processor": processor(),
         "bfloat16": multiplies_bfloat16(torch.device("cpu")),
         "cores": own_siblings(),
-        "machine": _machine(),
+        "machine": boot.read_text(encoding="utf-8").strip() if boot.exists() else platform.node(),
     }
-
-
-def _machine() -> str:
-    """Return an identity of the machine that all its containers share."""
-    boot = Path("/proc/sys/kernel/random/boot_id")
-    return boot.read_text(encoding="utf-8").strip() if boot.exists() else platform.node()
 
 
 def _gpu_multiplies_bfloat16() -> bool | str:
     import ray
-
-    from harness.machine.device import chosen_device, multiplies_bfloat16
 
     try:
         return multiplies_bfloat16(chosen_device("cuda"))
     except InputError as error:
         node = ray.get_runtime_context().get_node_id()[:8]
         return f"--executor ray: node {node} offers a GPU to Ray, but {str(error).removeprefix('--device cuda: ')}"
-
-
-@contextmanager
-def _our_signals() -> Iterator[None]:
-    """Restore the run's handler of SIGTERM (`scenes.files.stopping`), which Ray replaces."""
-    before = signal.getsignal(signal.SIGTERM)
-    yield
-    if before is not None and threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGTERM, before)

@@ -42,10 +42,8 @@ class Head(Generic[T]):
                 f"--executor ray: the head of the Ray cluster has not answered for {silent:.0f} s; finished cells are "
                 "kept: start Ray again and resume with --resume"
             )
-        if silent <= SILENCE_SAID_SECONDS:
-            self._said = False
-        elif not self._said:
-            self._said = True
+        was_said, self._said = self._said, silent > SILENCE_SAID_SECONDS
+        if self._said and not was_said:
             return f"Ray: the head of the cluster does not answer; waiting up to {LONGEST_SILENCE_SECONDS:g} s"
         return None
 

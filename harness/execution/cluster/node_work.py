@@ -11,6 +11,8 @@ from typing import Any
 from harness.execution.cluster.mailbox import Handle, Key, Message
 from harness.execution.cluster.view_set_files import Listing, node_folder, on_this_node
 from harness.execution.group import run_group
+from harness.machine.cores import own_cores
+from harness.machine.device import available_cores
 from harness.machine.provenance import differences, versions
 from harness.plan.group_task import GroupTask
 from harness.records.cells import CellRecord
@@ -40,14 +42,13 @@ def group_on_node(order: GroupOrder, mailbox: Handle, files: Handle) -> str | No
     """Train the group; return why this node refuses it, or None. Raises `OSError` if its disk cannot be written."""
     import ray
 
-    from harness.machine.cores import own_cores
-    from harness.machine.device import available_cores
-
     node = ray.get_runtime_context().get_node_id()[:8]
     if wrong := differences(order.versions, versions()):
         return wrong_node(node, wrong)
     key: Key = (order.task.scene, order.task.seed)
-    awaited(mailbox.put.remote(Message(key, order.attempt, node=node)))
+
+    def send(**news: Any) -> object:
+        return mailbox.put.remote(Message(key, order.attempt, **news))
 
     def fetch(relative: str, offset: int) -> Any:
         return awaited(files.piece.remote(order.view_set.digest, relative, offset))
@@ -58,17 +59,15 @@ def group_on_node(order: GroupOrder, mailbox: Handle, files: Handle) -> str | No
     def on_progress(share: float) -> None:
         nonlocal last
         if kept := _kept_since(scratch, times):
-            mailbox.put.remote(Message(key, order.attempt, files=kept))
+            send(files=kept)
         if time.monotonic() - last >= LEAST_SECONDS_BETWEEN:
             last = time.monotonic()
-            mailbox.put.remote(Message(key, order.attempt, share=share))
+            send(share=share)
 
+    awaited(send(node=node))
     scratch = Path(tempfile.mkdtemp(prefix="group.", dir=node_folder()))
     try:
-        try:
-            view_set = on_this_node(order.view_set, fetch)
-        except InputError as error:
-            return str(error)
+        view_set = on_this_node(order.view_set, fetch)
         for relative, content in order.unfinished.items():
             (scratch / UNFINISHED).mkdir(exist_ok=True)
             (scratch / relative).write_bytes(content)
@@ -77,16 +76,17 @@ def group_on_node(order: GroupOrder, mailbox: Handle, files: Handle) -> str | No
 
         def on_cell(cell: CellRecord) -> None:
             # wait until the driver's node has the cell, which is then never trained again
-            message = Message(key, order.attempt, cell=cell, files=_new_files(scratch, sent))
-            awaited(mailbox.put.remote(message))
+            awaited(send(cell=cell, files=_new_files(scratch, sent)))
 
         def on_notice(text: str) -> None:
-            mailbox.put.remote(Message(key, order.attempt, notice=f"{text} (node {node})"))
+            send(notice=f"{text} (node {node})")
 
         machine = available_cores()
         with own_cores(order.task.threads) as cores:
             placed = {"commit": order.commit, "node": node, "cores": machine, "own_cores": cores}
             run_group(replace(order.task, view_set=view_set, out=scratch), on_progress, on_cell, placed, on_notice)
+    except InputError as error:
+        return str(error)
     except OSError as error:
         raise OSError(error.errno, f"{error.strerror} on node {node}", error.filename) from error
     finally:

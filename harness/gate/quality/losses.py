@@ -171,7 +171,6 @@ class Judge:
         return judge(gate, [figure], limit, f"{change}: {verdict}, {JUDGED[self.scatter]}")
 
     def sentence(self) -> str:
-        """Return a sentence on the losses of PSNR that would be found."""
         errors, alarms = [self.error(gate) for gate in SINGLE], self.alarms
         sizes = [error.detects(alarms) for error in errors]
         chances = [error.power(LOSS_OF_ONE, alarms) for error in errors]

@@ -98,14 +98,12 @@ def other_statistics(stored: References) -> int:
 def stored_cells(stored: References) -> list[CellRecord]:
     """Return the cells of the gate's seeds that were trained from unchanged first weights."""
     cells = []
-    for key, scores in stored.cells.items():
+    for key, draws in stored.cells.items():
         scene, method, seed = key.split("/")
         if int(seed) in GATE_SEEDS:
-            cells.append(cell_with(scene, method, int(seed), {score: draws[0] for score, draws in scores.items()}))
+            scores = {score: values[0] for score, values in draws.items()}
+            point = Checkpoint(1, 1.0, 1, psnr=scores.get("psnr"))
+            empty = empty_cell(scene, method, int(seed), "done", "")
+            facts = {"reason": None, "steps": 1, "train_seconds": 1.0, "scores": scores, "curve": [point]}
+            cells.append(structs.replace(empty, **facts))
     return cells
-
-
-def cell_with(scene: str, method: str, seed: int, scores: dict[str, float | None]) -> CellRecord:
-    point = Checkpoint(1, 1.0, 1, psnr=scores.get("psnr"))
-    empty = empty_cell(scene, method, seed, "done", "")
-    return structs.replace(empty, reason=None, steps=1, train_seconds=1.0, scores=scores, curve=[point])

@@ -9,7 +9,8 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from statistics import fmean
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 import torch
@@ -22,7 +23,6 @@ from harness.plan.needed import kept
 from harness.plan.run_plan import Plan
 from harness.records.json_record import as_promised, digest_of, load_record, write_record
 from harness.training.batches import Cameras
-from harness.training.learner import Learner
 from harness.training.lockstep import stream_of, trained_alone
 from harness.training.make_learner import NotAvailable
 from harness.training.scoring import evaluate
@@ -33,6 +33,7 @@ from scenes.modelling.needs import with_needs
 from scenes.view_sets.view_set import ViewSet
 
 PLANNED = "as planned"
+Key = TypeVar("Key")
 
 
 @dataclass(frozen=True)
@@ -134,6 +135,18 @@ def views_of(folder: Path, plan: Plan, scratch: Path, scored_on: Literal["val", 
     return views
 
 
+def means_of(scored: Iterable[tuple[Key, float | None]]) -> dict[Key, float | None]:
+    """Map key → the mean of its scores, the best first; None, and last, if a score is missing."""
+    scores: dict[Key, list[float | None]] = {}
+    for key, score in scored:
+        scores.setdefault(key, []).append(score)
+    means = {
+        key: None if None in some else fmean(score for score in some if score is not None)
+        for key, some in scores.items()
+    }
+    return dict(sorted(means.items(), key=lambda item: -np.inf if item[1] is None else item[1], reverse=True))
+
+
 def weigh(pairs: Iterable[tuple[float | None, float | None]]) -> PairedDifference | None:
     """Return the first score less the second over the pairs that have both; None without such a pair."""
     differences = [first - second for first, second in pairs if first is not None and second is not None]
@@ -143,24 +156,18 @@ def weigh(pairs: Iterable[tuple[float | None, float | None]]) -> PairedDifferenc
 def _ended(task: CellTask, arm: Arm, views: ViewSet) -> Ended:
     plan, device = task.plan, torch.device(task.device)
     views = with_needs(views, arm.need, arm.no_need)
-    stream = stream_of(task.scene, task.seed)
     split = views.val if task.scored_on == "val" else views.test
-    cameras, watch = evaluate.cameras_of(views, split, device), Stopwatch(device)
-
-    def rendered(trainer: Learner) -> Iterator[evaluate.View]:
-        for index in range(len(cameras)):
-            with watch.running():
-                view = evaluate.render_view(trainer, cameras, index, plan.score.chunk)
-            yield view
-
+    cameras, watch, chunk = evaluate.cameras_of(views, split, device), Stopwatch(device), plan.score.chunk
     own = plan.own_settings([task.method]) if arm.own is None else {task.method: arm.own}
     settings = replace(kept(replace(plan.train, **arm.train), arm.need), own=own)
     try:
+        stream = stream_of(task.scene, task.seed)
         trainer = trained_alone(task.method, views, stream, settings, plan.budget, device)
-        psnr = evaluate.quick_scores(rendered(trainer), split)["psnr"]
+        rendered = watch.counting(evaluate.render_split(trainer, cameras, chunk))
+        psnr = evaluate.quick_scores(rendered, split)["psnr"]
         again = {}
         if isinstance(trainer, Trainer):
-            again = {name: _rerendered(trainer, name, cameras, plan.score.chunk) for name in arm.rendered_with}
+            again = {name: _rerendered(trainer, name, cameras, chunk) for name in arm.rendered_with}
         clock = trainer.clock
         return Ended(psnr, clock.seconds, again, clock.core_seconds, watch.core_seconds, steps=trainer.step)
     except Diverged:

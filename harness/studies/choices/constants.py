@@ -10,7 +10,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import product
 from pathlib import Path
-from statistics import fmean
 
 from baselines.amplifiers import AMPLIFIERS
 from baselines.catalog import CATALOG
@@ -18,7 +17,7 @@ from baselines.methods.chosen import DensityConstants
 from harness.plan.run_plan import Plan
 from harness.plan.schedule import Budget
 from harness.records.json_record import as_promised, load_json
-from harness.studies.choices.arms import Arm, CellTask, trained_cells
+from harness.studies.choices.arms import Arm, CellTask, means_of, trained_cells
 from harness.studies.choices.sweep import SEED
 from scenes.files.errors import InputError
 from scenes.files.json_object import JsonObject
@@ -106,8 +105,9 @@ def search(
         for scene, (method, some) in product(folders, pairs.items()):
             yield [known[key] for pair in some if (key := (method, pair, scene, steps)) in known]
             missing = [pair for pair in some if (method, pair, scene, steps) not in known]
+            own = plan.own_settings([method])[method]
             for start in dict.fromkeys(pair.start for pair in missing):
-                arms = _arms(plan, method, [pair for pair in missing if pair.start == start])
+                arms = {str(pair): Arm(own=replace(own, **pair.fields)) for pair in missing if pair.start == start}
                 tasks.append(CellTask(scene, method, SEED, folders[scene], scratch, budgeted, arms, device, "val"))
         for cell in trained_cells(tasks, workers):
             yield [
@@ -127,20 +127,10 @@ def search(
     yield from trained(plan.budget.steps, {method: finalists(rows, method) for method in plan.methods})
 
 
-def _arms(plan: Plan, method: str, pairs: list[DensityConstants]) -> dict[str, Arm]:
-    own = plan.own_settings([method])[method]
-    return {str(pair): Arm(own=replace(own, **pair.fields)) for pair in pairs}
-
-
 def means(rows: list[ConstantsRow], method: str) -> dict[DensityConstants, float]:
     """Map the pairs of a method that have a score on every scene → mean PSNR over scenes, the best first."""
-    scores: dict[DensityConstants, list[float | None]] = {}
-    for row in rows:
-        if row.method == method:
-            scores.setdefault(row.constants, []).append(row.psnr_val)
-    known = {pair: [value for value in values if value is not None] for pair, values in scores.items()}
-    ended = {pair: fmean(values) for pair, values in known.items() if len(values) == len(scores[pair])}
-    return dict(sorted(ended.items(), key=lambda item: -item[1]))
+    averaged = means_of((row.constants, row.psnr_val) for row in rows if row.method == method)
+    return {pair: mean for pair, mean in averaged.items() if mean is not None}
 
 
 def finalists(rows: list[ConstantsRow], method: str) -> list[DensityConstants]:

@@ -7,17 +7,14 @@ scored on validation views. The winner is written into the program by hand.
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from statistics import fmean
 from typing import Any
-
-import numpy as np
 
 from baselines.catalog import CATALOG
 from baselines.methods.explicit import GaussianSettings, geometric
 from harness.plan.profiles import PROFILES
 from harness.plan.run_plan import Plan
 from harness.plan.schedule import Budget
-from harness.studies.choices.arms import PLANNED, Arm
+from harness.studies.choices.arms import PLANNED, Arm, means_of
 from harness.studies.choices.sweep import SEED, try_arms
 from harness.studies.frontier.frontier_context import VIEWS, settings_for
 
@@ -129,15 +126,7 @@ def search(
 
 def means(rows: list[FamilyRow], family: str) -> dict[str, float | None]:
     """Map trial → the mean over scenes, the best first; None, and last, if a scene has no score."""
-    scores: dict[str, list[float | None]] = {}
-    for row in rows:
-        if row.family == family:
-            scores.setdefault(row.trial, []).append(row.psnr_val)
-    averaged = {
-        trial: None if None in values else fmean(value for value in values if value is not None)
-        for trial, values in scores.items()
-    }
-    return dict(sorted(averaged.items(), key=lambda item: -np.inf if item[1] is None else item[1], reverse=True))
+    return means_of((row.trial, row.psnr_val) for row in rows if row.family == family)
 
 
 def as_json(rows: list[FamilyRow], plan: Plan, provenance: dict[str, object]) -> dict[str, object]:

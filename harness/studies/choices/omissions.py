@@ -1,7 +1,5 @@
 """What leaving a part out does to scores and clocks: cells trained with and without it, everything else equal
 (`python -m harness study omissions`, `run --verify-omissions`).
-
-What concerns only rendering is judged on one set of weights, rendered both ways.
 """
 
 from collections.abc import Callable
@@ -62,9 +60,7 @@ class Omission:
     """The mean over seeds of the core seconds that `clock` names."""
     clock: str
     difference: float | None
-    """In dB, the test PSNR without the part minus that with it: a value below 0 is a loss. For colours, the largest
-    change.
-    """
+    """In dB, the test PSNR without the part minus that with it, below 0 for a loss; for colours, the largest change."""
     interval: tuple[float, float] | None
     """The 95 % interval over seeds; None for the largest value over seeds."""
     pairs: int

@@ -6,14 +6,13 @@ No method may be tuned more than the others: what a profile sets for all must no
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from statistics import fmean
 from typing import Any
 
 from baselines.numerics.optimisers import OptimiserName
 from harness.plan.profiles import TUNED
 from harness.plan.run_plan import Plan
 from harness.plan.schedule import Decay
-from harness.studies.choices.arms import Arm, CellTask, Ended, trained_cells
+from harness.studies.choices.arms import Arm, CellTask, Ended, means_of, trained_cells
 
 SEED = 1_000
 FACTORS = (0.5, 1.0, 2.0)
@@ -98,13 +97,9 @@ def tried_in(plan: Plan, arm: Arm) -> Tried:
     return Tried(optimiser.name, *rates, train.decay, optimiser.betas, train.covered_share)
 
 
-def means(rows: list[SweepRow]) -> dict[Tried, float]:
+def means(rows: list[SweepRow]) -> dict[Tried, float | None]:
     """Map settings → the mean over methods and scenes, the best first; a diverged run counts as the worst."""
-    scores: dict[Tried, list[float]] = {}
-    for row in rows:
-        scores.setdefault(row.tried, []).append(-1e3 if row.psnr_val is None else row.psnr_val)
-    averaged = {tried: fmean(values) for tried, values in scores.items()}
-    return dict(sorted(averaged.items(), key=lambda item: -item[1]))
+    return means_of((row.tried, -1e3 if row.psnr_val is None else row.psnr_val) for row in rows)
 
 
 def best_of_each(rows: list[SweepRow]) -> dict[str, Tried]:

@@ -28,8 +28,6 @@ RESOLVED = 0.05
 
 @dataclass(frozen=True)
 class Ladder:
-    """The steps of differences in one precision, and the tolerance of a gradient."""
-
     dtype: torch.dtype
     steps: tuple[float, ...]
     """The steps relative to the norm of the parameter, from long to short."""
@@ -92,15 +90,12 @@ def difference(
     start = parameter.clone()
     length = float(start.norm()) or 1.0
 
-    def slope(step: float) -> float:
-        ends = []
-        for side in (step, -step):
-            parameter.copy_(start + side * direction)
-            ends.append(float(loss()))
-        parameter.copy_(start)
-        return (ends[0] - ends[1]) / (2.0 * step)
+    def loss_at(offset: float) -> float:
+        parameter.copy_(start + offset * direction)
+        return float(loss())
 
-    slopes = [slope(step * length) for step in ladder]
+    slopes = [(loss_at(h) - loss_at(-h)) / (2.0 * h) for h in (step * length for step in ladder)]
+    parameter.copy_(start)
     estimates = []
     for place in range(len(ladder) - WINDOW + 1):
         together = slopes[place : place + WINDOW]

@@ -7,20 +7,9 @@ from torch import Tensor, nn
 
 from baselines.contract import Box, Rays, TrainableField
 from baselines.numerics.encoding import PHI
-from harness.studies.conformance.subject import (
-    BOX,
-    DEPTHS,
-    FAR,
-    NEAR,
-    WHITE,
-    Broken,
-    Subject,
-    roughened,
-    set_alpha,
-    some_points,
-    some_rays,
-)
+from harness.studies.conformance.subject import BOX, WHITE, Broken, Subject, roughened, some_points, some_rays
 
+DEPTHS = (4, 5, 8)
 ROUNDING = 2e-6
 """The tolerance of a display colour: chunks of another size sum in another order."""
 SCALES = (0.0, 0.1, 10.0)
@@ -169,13 +158,14 @@ def renders_in_range(subject: Subject) -> None:
     """Colour, opacity and depth are finite and in range, with and without view direction; rays that miss the box show
     the background.
     """
+    rays = some_rays()
     for depth in DEPTHS:
         for view_dependent in (True, False):
-            rendering = subject.rendered(roughened(subject.field(depth, 0, view_dependent)), some_rays())
+            rendering = subject.rendered(roughened(subject.field(depth, 0, view_dependent)), rays)
             _in("rendered colour", rendering.colour.detach(), 0.0, 1.0 + 1e-5)
             _in("opacity", rendering.opacity.detach(), 0.0, 1.0 + 1e-5)
-            _in("depth", rendering.depth.detach(), NEAR, FAR)
-    nowhere = Rays(torch.full((3, 3), 5.0), torch.tensor([[0.0, 0.0, 1.0]]).expand(3, 3), NEAR, FAR)
+            _in("depth", rendering.depth.detach(), rays.near, rays.far)
+    nowhere = Rays(torch.full((3, 3), 5.0), torch.tensor([[0.0, 0.0, 1.0]]).expand(3, 3), rays.near, rays.far)
     if subject.quadrature != "listing4":  # it is not cut to the box
         rendering = subject.rendered(roughened(subject.field()), nowhere)
         if not torch.equal(rendering.colour, WHITE.expand(3, 3)):
@@ -196,11 +186,10 @@ def renders_the_same_again(subject: Subject) -> None:
 @torch.no_grad()
 def pointwise_is_true(subject: Subject) -> None:
     """If `pointwise` is True, chunks of any size give the same picture; if it is False, some chunk changes it."""
-    field = roughened(subject.field())
-    # α is not 1/φ as at the start, where Eq. 4 is the identity about any mean
-    if isinstance(amplifier := getattr(field, "amplifier", None), nn.Module):
-        set_alpha(amplifier, 1.0 if not field.pointwise else 1.5 / PHI)
+    field = subject.field()
     claimed, rays = field.pointwise, some_rays(40)
+    # α is not 1/φ as at the start, where Eq. 4 is the identity about any mean
+    field = roughened(field, 1.5 / PHI if claimed else 1.0)
     complete = subject.rendered(field, rays)
     largest = 0.0
     for chunk in (1, 7, 20):

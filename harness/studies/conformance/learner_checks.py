@@ -51,7 +51,6 @@ STOPPED = SETTINGS.grid.first_step // 2
 
 @cache
 def drawn() -> tuple[ViewSet, Batches]:
-    """Return views of a ball of one colour and the batches of its training views."""
     views = disc_views(24, 8, 1, seed=1)
     return views, Batches(cameras_of(views, views.train, CPU), views.train.rgba)
 

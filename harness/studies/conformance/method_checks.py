@@ -57,9 +57,7 @@ def conformance(subject: Subject) -> Iterator[CheckOutcome]:
             check(subject)
         except NotAvailable as missing:
             yield CheckOutcome(subject.name, name, "not applicable", str(missing))
-        except Broken as broken:
-            yield CheckOutcome(subject.name, name, "broken", str(broken))
         except Exception as error:
-            yield CheckOutcome(subject.name, name, "broken", named(error))
+            yield CheckOutcome(subject.name, name, "broken", str(error) if isinstance(error, Broken) else named(error))
         else:
             yield CheckOutcome(subject.name, name, "held")

@@ -114,13 +114,8 @@ def _batch(device: torch.device, count: int, step: int) -> Batch:
     return random_batch(device, count, "device", step)
 
 
-def _always(batch: Batch) -> Callable[[int], Batch]:
-    return lambda step: batch
-
-
 def _trained(method: str, device: torch.device, settings: TrainSettings, steps: int) -> Trainer:
-    job = Job(method, unit_box(device), settings, Budget(max(steps, 1), None), "device", device)
-    learner = learner_for(job)
+    learner = learner_for(Job(method, unit_box(device), settings, Budget(max(steps, 1), None), "device", device))
     assert isinstance(learner, Trainer)
     while learner.step < steps:
         take_turn(learner, lambda step: _batch(device, settings.rays, step))
@@ -171,28 +166,30 @@ def rates(context: DeviceContext) -> JsonObject:
     found: JsonObject = {}
     for precision, dtype in (("bfloat16", torch.bfloat16), ("float32", torch.float32)):
         factor = square.to(dtype)
-        seconds = _seconds(context, partial(torch.mm, factor, factor), 20)
-        found[f"matrix_flops.{precision}"] = 2.0 * side**3 / seconds
+        found[f"matrix_flops.{precision}"] = 2.0 * side**3 / _seconds(context, partial(torch.mm, factor, factor))
     for method, precision in (("nerf", "bfloat16"), ("qnerf", "bfloat16"), ("nerf", "float32")):
         settings = _paper(context, precision)  # type: ignore[arg-type]
-        learner = _trained(method, context.device, settings, 1)
-        learner.budget = Budget(1000, None)
-        batches = _always(_batch(context.device, settings.rays, 0))
-        take_turn(learner, batches)
-        before, began = learner.step, learner.clock.seconds
-        for _ in range(1 if context.quick else 3):
-            take_turn(learner, batches)
-        each = (learner.clock.seconds - began) / (learner.step - before)
-        samples = settings.rays * (2 * settings.bins + settings.fine_bins)
-        flops = step_flops(settings.network, samples, settings.rays)
-        found[f"{method}.{precision}"] = {
-            "milliseconds": 1e3 * each,
-            "samples_per_second": samples / each,
-            "share_of_matrix_rate": flops / each / found[f"matrix_flops.{precision}"],
-            **(learner.turns.properties() if learner.turns else {"step_form": "one by one"}),
-        }
+        found[f"{method}.{precision}"] = _steps(context, method, settings, found[f"matrix_flops.{precision}"])
     found["plain_torch.bfloat16"] = _plain(context)
     return found
+
+
+def _steps(context: DeviceContext, method: str, settings: TrainSettings, matrix_flops: float) -> JsonObject:
+    learner = _trained(method, context.device, settings, 1)
+    learner.budget = Budget(1000, None)
+    batch = _batch(context.device, settings.rays, 0)
+    take_turn(learner, lambda _: batch)
+    before, began = learner.step, learner.clock.seconds
+    for _ in range(1 if context.quick else 3):
+        take_turn(learner, lambda _: batch)
+    each = (learner.clock.seconds - began) / (learner.step - before)
+    samples = settings.rays * (2 * settings.bins + settings.fine_bins)
+    return {
+        "milliseconds": 1e3 * each,
+        "samples_per_second": samples / each,
+        "share_of_matrix_rate": step_flops(settings.network, samples, settings.rays) / each / matrix_flops,
+        **(learner.turns.properties() if learner.turns else {"step_form": "one by one"}),
+    }
 
 
 def _plain(context: DeviceContext) -> JsonObject:
@@ -206,16 +203,16 @@ def _plain(context: DeviceContext) -> JsonObject:
         with torch.autocast(context.device.type, dtype=torch.bfloat16):
             plain_step(field, optimiser, batch.rays, batch.colours, samples, generator_for("device", "jitter"))
 
-    seconds = _seconds(context, step, 20)
+    seconds = _seconds(context, step)
     return {"milliseconds": 1e3 * seconds, "samples_per_second": settings.rays * samples / seconds}
 
 
-def _seconds(context: DeviceContext, work: Callable[[], object], times: int) -> float:
+def _seconds(context: DeviceContext, work: Callable[[], object]) -> float:
     """Return the mean seconds of a repetition, after some that do not count."""
     watch = Stopwatch(context.device)
     for _ in range(2):
         work()
-    repeats = 2 if context.quick else times
+    repeats = 2 if context.quick else 20
     with watch.running():
         for _ in range(repeats):
             work()

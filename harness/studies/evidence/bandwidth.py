@@ -25,7 +25,7 @@ from harness.studies.evidence.contrasts import (
     without_a_score,
 )
 from harness.studies.evidence.evidence_context import LADDERS, EvidenceContext
-from harness.studies.framework import Found, Rows
+from harness.studies.framework import Found
 from harness.studies.trained_context import StudyRun
 
 TRAININGS = ("bandwidth_100", "bandwidth_200", "bandwidth_300")
@@ -49,8 +49,7 @@ OTHERS = tuple(method for method in LADDERS if method != "nerf")
 
 def bandwidth(context: EvidenceContext) -> Iterator[Found]:
     """Judge reach and base as factors over scenes, at each resolution and along training, and the decisive pairs."""
-    runs = [context.trained(name) for name in TRAININGS]
-    trained = {run.scenes[0].width: run for run in runs}
+    trained = {run.scenes[0].width: run for run in map(context.trained, TRAININGS)}
     cells = {px: run.cells for px, run in trained.items()}
     parts = [
         effect
@@ -152,16 +151,16 @@ def _over_scenes(some: list[Effect], name: str, against: str = "") -> str:
 
 
 def _table(run: StudyRun, px: int) -> Table:
-    columns, scores = score_table(run.cells, LADDERS)
-    rows: Rows = []
-    for method in LADDERS:
+    title = f"Frequency ladders at {px} px, equal steps: scores by scene"
+    table = score_table(f"ladders_{px}", title, run.cells, LADDERS)
+    table.columns[1:1] = ["base", "bands", "highest"]
+    for method, row in zip(LADDERS, table.rows, strict=True):
         parts = CATALOG[method].parts
         assert parts is not None
         ladder = BASES[parts.encoding]
         base, bands = ladder.base, ladder.bands(run.plan.train.network.position_bands)
-        rows.append([method, f"{base:.4g}", str(bands), f"{base ** (bands - 1):.4g}", *scores[method]])
-    title = f"Frequency ladders at {px} px, equal steps: scores by scene"
-    return Table(f"ladders_{px}", 0, title, ["method", "base", "bands", "highest", *columns], rows)
+        row[1:1] = [f"{base:.4g}", str(bands), f"{base ** (bands - 1):.4g}"]
+    return table
 
 
 def _lines(cells: dict[int, list[CellRecord]]) -> Iterator[Series]:

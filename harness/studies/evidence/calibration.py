@@ -7,7 +7,7 @@ equally noisy, noise may have heavy tails, cells may fail, and one cell may end 
 
 import json
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -101,48 +101,28 @@ def published_scatter(file: Path = PUBLISHED) -> Scatter:
     return Scatter(source, math.sqrt(max(0.0, float(between))), tuple(np.sqrt(variances).tolist()))
 
 
-Noise = Callable[[np.random.Generator, tuple[int, int, int], Scatter], np.ndarray]
-
-
-def _equal(generator: np.random.Generator, shape: tuple[int, int, int], scatter: Scatter) -> np.ndarray:
-    return scatter.pooled * generator.standard_normal(shape)
-
-
-def _unequal(generator: np.random.Generator, shape: tuple[int, int, int], scatter: Scatter) -> np.ndarray:
-    return generator.choice(scatter.seed_sds, (*shape[:2], 1)) * generator.standard_normal(shape)
-
-
-def _one_noisy(generator: np.random.Generator, shape: tuple[int, int, int], scatter: Scatter) -> np.ndarray:
-    values = _equal(generator, shape, scatter)
-    values[:, 0] *= NOISIER
-    return values
-
-
-def _heavy(generator: np.random.Generator, shape: tuple[int, int, int], scatter: Scatter) -> np.ndarray:
-    return scatter.pooled * generator.standard_t(4, shape) / math.sqrt(2)
-
-
-def _lost(generator: np.random.Generator, shape: tuple[int, int, int], scatter: Scatter) -> np.ndarray:
-    values = _unequal(generator, shape, scatter)
-    values[generator.random(shape) < LOST] = np.nan
-    return values
-
-
-def _one_bad(generator: np.random.Generator, shape: tuple[int, int, int], scatter: Scatter) -> np.ndarray:
-    values = _unequal(generator, shape, scatter)
-    values[:, 0, 0] -= BAD
-    return values
-
-
-CHECKED: dict[str, Noise] = {
-    "equal scenes": _equal,
-    "unequal scenes": _unequal,
-    f"one scene {NOISIER:g} times as noisy": _one_noisy,
-    "heavy tails (t₄)": _heavy,
-    "1 in 50 fails and is excluded": _lost,
-}
+EQUAL, UNEQUAL, ONE_NOISY = "equal scenes", "unequal scenes", f"one scene {NOISIER:g} times as noisy"
+HEAVY, ONE_LOST = "heavy tails (t₄)", "1 in 50 fails and is excluded"
 ONE_BAD = f"one cell ends {BAD:g} dB too low"
-NOISE = CHECKED | {ONE_BAD: _one_bad}
+CHECKED = (EQUAL, UNEQUAL, ONE_NOISY, HEAVY, ONE_LOST)
+NOISE = (*CHECKED, ONE_BAD)
+
+
+def noise_of(kind: str, generator: np.random.Generator, shape: tuple[int, int, int], scatter: Scatter) -> np.ndarray:
+    """Draw an array [studies, scenes, seeds] of one kind of `NOISE`."""
+    if kind == HEAVY:
+        return scatter.pooled * generator.standard_t(4, shape) / math.sqrt(2)
+    sds = np.array(scatter.pooled)
+    if kind not in (EQUAL, ONE_NOISY):
+        sds = generator.choice(scatter.seed_sds, (*shape[:2], 1))
+    values: np.ndarray = sds * generator.standard_normal(shape)
+    if kind == ONE_NOISY:
+        values[:, 0] *= NOISIER
+    elif kind == ONE_LOST:
+        values[generator.random(shape) < LOST] = np.nan
+    elif kind == ONE_BAD:
+        values[:, 0, 0] -= BAD
+    return values
 
 
 @dataclass(frozen=True)
@@ -160,16 +140,35 @@ class DesignPoint:
         return f"{self.noise}, {self.scenes} scenes, {self.seeds} seeds, {self.scene_sd:.3g} dB from scene to scene"
 
 
+@dataclass(frozen=True)
+class Simulated:
+    scatter: Scatter
+    count: int
+    """The number of studies at each point."""
+    grid: list[DesignPoint]
+    default: DesignPoint
+    """The size of the default run."""
+    bad: DesignPoint
+    """The same with one bad cell."""
+    claims: dict[str, float]
+    misses: dict[str, float]
+    """The errors of families (`errors_of_families`)."""
+
+    @property
+    def judged(self) -> list[DesignPoint]:
+        return [point for point in self.grid if point.noise in CHECKED]
+
+
 def calibration(context: EvidenceContext) -> Iterator[Found]:
     count, scatter = 1000 if context.quick else STUDIES, published_scatter()
     sds = (0.0, scatter.scene_sd, LARGE_SD)
     grid = [simulate(*point, scatter, count) for point in product(NOISE, SCENES, SEEDS, sds)]
     default, bad = (
-        simulate(noise, *DEFAULT, scatter.scene_sd, scatter, count, EFFECTS) for noise in ("unequal scenes", ONE_BAD)
+        simulate(noise, *DEFAULT, scatter.scene_sd, scatter, count, EFFECTS) for noise in (UNEQUAL, ONE_BAD)
     )
-    claims, misses = errors_of_families(scatter, count)
-    yield from _sentences(grid, default, bad, claims, misses, scatter, count)
-    yield from checks(grid, default, bad, claims, misses, count)
+    simulated = Simulated(scatter, count, grid, default, bad, *errors_of_families(scatter, count))
+    yield from _sentences(simulated)
+    yield from checks(simulated)
     for kind, power in default.power.items():
         shares = np.array(list(power.values()))
         half = 2 * np.sqrt(shares * (1 - shares) / count)
@@ -191,10 +190,10 @@ def simulate(
     effects: tuple[float, ...] = tuple(POWER),
 ) -> DesignPoint:
     """Simulate `count` studies. Power is that of the same studies with the effect added to every difference."""
-    generator = np.random.default_rng([20260108, list(NOISE).index(noise), scenes, seeds, round(1000 * scene_sd)])
+    generator = np.random.default_rng([20260108, NOISE.index(noise), scenes, seeds, round(1000 * scene_sd)])
     truth, before = (scene_sd * generator.standard_normal((count, scenes)) for _ in range(2))
     shape = (count, scenes, seeds)
-    values, earlier = (each[..., None] + NOISE[noise](generator, shape, scatter) for each in (truth, before))
+    values, earlier = (each[..., None] + noise_of(noise, generator, shape, scatter) for each in (truth, before))
     true = np.where(np.isfinite(values).any(axis=-1), truth, np.nan)
     change, of_change = values - earlier, truth - before
     here, elsewhere = nested.on_these_scenes(values), nested.scenes_like_these(values)
@@ -231,24 +230,18 @@ def errors_of_families(scatter: Scatter, count: int) -> tuple[dict[str, float], 
     procedure gains from the pairs that differ must not make the others wrong.
     """
     generator, (scenes, seeds) = np.random.default_rng(20260109), DEFAULT
-    single = nested.scenes_like_these(_unequal(generator, (count, scenes, 5), scatter)[..., None])
+    single = nested.scenes_like_these(noise_of(UNEQUAL, generator, (count, scenes, 5), scatter)[..., None])
     claims = {"single scenes": float((np.abs(single.mean) > half_widths(single, scenes)).any(axis=-1).mean())}
     misses = {}
     for name, shift in (("the headline, nothing differs", 0.0), ("the headline, one method differs", 1.0)):
         shape = (len(JUDGED), 2, count, scenes)  # the second budget shares half of its variance with the first
-        noise = _unequal(generator, (len(JUDGED) * 2 * count, scenes, seeds), scatter).reshape(*shape, seeds)
+        flat = noise_of(UNEQUAL, generator, (len(JUDGED) * 2 * count, scenes, seeds), scatter)
+        noise = flat.reshape(*shape, seeds)
         noise[:, 1] = (noise[:, 0] + noise[:, 1]) / math.sqrt(2)
         own = (noise + scatter.scene_sd * generator.standard_normal((len(JUDGED), 1, count, scenes, 1))) / math.sqrt(2)
         own[-1] += shift
-        pairs = [nested.scenes_like_these(own[method] - own[against]) for method, against in PAIRS]
-        mean, half, p = (
-            np.concatenate(values)
-            for values in (
-                [pair.mean for pair in pairs],
-                [half_widths(pair, HEADLINE) for pair in pairs],
-                [p_values(pair) for pair in pairs],
-            )
-        )
+        pairs = nested.scenes_like_these(np.concatenate([own[method] - own[against] for method, against in PAIRS]))
+        mean, half, p = pairs.mean, half_widths(pairs, HEADLINE), p_values(pairs)
         true = np.repeat([shift * (len(JUDGED) - 1 in pair) for pair in PAIRS], 2)[:, None]
         known = np.array([holm(row) for row in p.T.tolist()], dtype=np.float64).T <= 0.05
         # as `harness.verdicts.statistics.decided`: sign and interval do not contradict each other
@@ -259,18 +252,11 @@ def errors_of_families(scatter: Scatter, count: int) -> tuple[dict[str, float], 
     return claims, misses
 
 
-def checks(
-    grid: list[DesignPoint],
-    default: DesignPoint,
-    bad: DesignPoint,
-    claims: dict[str, float],
-    misses: dict[str, float],
-    count: int,
-) -> Iterator[Check]:
-    judged = [point for point in grid if point.noise in CHECKED]
+def checks(simulated: Simulated) -> Iterator[Check]:
+    default, bad, count = simulated.default, simulated.bad, simulated.count
     for kind, (scenes, limits) in product(KINDS, COVERAGE.items()):
         # one bad cell must not move the robust estimate, so that it is judged with such a cell as well
-        points = grid if kind == ROBUST else judged
+        points = simulated.grid if kind == ROBUST else simulated.judged
         printed = [point for point in points if point.scenes in scenes and kind in point.coverage]
         for which, end in (("lowest", min), ("highest", max)) if printed else ():
             point = end(printed, key=lambda point: point.coverage[kind])
@@ -280,14 +266,13 @@ def checks(
                 *limits,
                 why=f"of {len(printed)} kinds of study, {count} each: {point}; 95 % is nominal",
             )
-    of_families = [
-        (f"share of families that claim a sign where nothing differs, {name}", claims[name]) for name in claims
-    ]
-    of_families += [
-        (f"share of families with an interval that misses the truth, {name}", misses[name]) for name in misses
-    ]
-    for what, share in of_families:
-        yield check(what, share, high=0.06, why=f"{count} studies of unequal scenes; 5 % is nominal")
+    for error, shares in (
+        ("that claim a sign where nothing differs", simulated.claims),
+        ("with an interval that misses the truth", simulated.misses),
+    ):
+        for name, share in shares.items():
+            what, why = f"share of families {error}, {name}", f"{count} studies of unequal scenes; 5 % is nominal"
+            yield check(what, share, high=0.06, why=why)
     for effect, least in POWER.items():
         what = f"share of studies of the default size that find {effect:g} dB {ELSEWHERE}"
         yield check(what, default.power[ELSEWHERE][effect], low=least, why=f"{default}; {count} studies")
@@ -295,17 +280,9 @@ def checks(
     yield check(what, bad.power[ROBUST][max(POWER)], low=max(POWER.values()), why=f"{bad}; {count} studies")
 
 
-def _sentences(
-    grid: list[DesignPoint],
-    default: DesignPoint,
-    bad: DesignPoint,
-    claims: dict[str, float],
-    misses: dict[str, float],
-    scatter: Scatter,
-    count: int,
-) -> Iterator[str]:
-    judged = [point for point in grid if point.noise in CHECKED]
-    spoilt = [point for point in grid if point.noise == ONE_BAD]
+def _sentences(simulated: Simulated) -> Iterator[str]:
+    default, bad = simulated.default, simulated.bad
+    spoilt = [point for point in simulated.grid if point.noise == ONE_BAD]
 
     def span(kind: str, points: list[DesignPoint]) -> str:
         values = [point.coverage[kind] for point in points if kind in point.coverage]
@@ -313,12 +290,12 @@ def _sentences(
 
     coverage = []
     for scenes in COVERAGE:
-        points = [point for point in judged if point.scenes in scenes]
+        points = [point for point in simulated.judged if point.scenes in scenes]
         printed = [kind for kind in KINDS if any(kind in point.coverage for point in points)]
         coverage.append(
             f"With {' and '.join(map(str, scenes))} scenes, an interval of 95 % holds the truth in "
-            f"{'; '.join(f'{span(kind, points)} {kind}' for kind in printed)}: {len(points)} kinds of study, {count} "
-            "of each."
+            f"{'; '.join(f'{span(kind, points)} {kind}' for kind in printed)}: {len(points)} kinds of study, "
+            f"{simulated.count} of each."
         )
     yield coverage[0]
     effects = [effect for effect in EFFECTS if 0.1 <= effect <= 0.4]
@@ -328,14 +305,14 @@ def _sentences(
         f"{ELSEWHERE}, among the {HEADLINE} comparisons of the headline: {found}."
     )
     for shares, of in (
-        (claims, "claim a sign where nothing differs"),
-        (misses, "have an interval that misses the truth"),
+        (simulated.claims, "claim a sign where nothing differs"),
+        (simulated.misses, "have an interval that misses the truth"),
     ):
         stated = "; ".join(f"{name} {100 * share:.1f} %" for name, share in shares.items())
         yield f"Families that {of}, with all of their printed comparisons: {stated}."
     yield from coverage[1:]
     yield f"Kinds of study: {'; '.join(CHECKED)}; {' and '.join(map(str, SEEDS))} seeds."
-    yield f"The scatter is that of {scatter}."
+    yield f"The scatter is that of {simulated.scatter}."
     effect = max(POWER)
     yield (
         f"If {ONE_BAD}, the intervals of means widen and hold the truth in {span(ELSEWHERE, spoilt)} {ELSEWHERE} and "
@@ -345,7 +322,7 @@ def _sentences(
         f"{100 * bad.power[ROBUST][effect]:.0f} %, without the bad cell in "
         f"{100 * default.power[ROBUST][effect]:.0f} %."
     )
-    wrongly = [point.coverage[ASKED_WRONGLY] for point in judged if point.scene_sd == LARGE_SD]
+    wrongly = [point.coverage[ASKED_WRONGLY] for point in simulated.judged if point.scene_sd == LARGE_SD]
     yield (
         f"The interval on these scenes holds for no others: if effects differ by {LARGE_SD:g} dB from scene to scene, "
         f"it holds the mean of all such scenes in {100 * min(wrongly):.0f} to {100 * max(wrongly):.0f} %."

@@ -16,8 +16,9 @@ from jaxtyping import Float
 
 from harness.records import metric_table
 from harness.records.cells import Budget, CellRecord
-from harness.records.study import Effect, Series
+from harness.records.study import Effect, Series, Table
 from harness.records.verdict import phrase_with
+from harness.studies.framework import Rows
 from harness.verdicts.comparisons import family_of, judged, keyed, score_on_curve
 from harness.verdicts.failures import judgeable
 
@@ -189,13 +190,17 @@ def spread_of(cells: list[CellRecord], scene: str, method: str, metric: str) -> 
 
 
 def score_table(
-    cells: list[CellRecord], methods: Iterable[str], metrics: tuple[str, ...] = METRICS
-) -> tuple[list[str], dict[str, list[str]]]:
-    """Return the columns scene by scene and metric by metric, and method → its scores as text."""
+    id: str, title: str, cells: list[CellRecord], methods: Iterable[str], metrics: tuple[str, ...] = METRICS
+) -> Table:
+    """Return a row of scores as text for each method, scene by scene and metric by metric."""
     keys = list(product(keyed(cells)[1], metrics))
     labels = {metric: ", ".join(filter(None, metric_table.METRICS[metric][1:3])) for metric in metrics}
-    rows = {method: [spread_of(cells, scene, method, metric) for scene, metric in keys] for method in methods}
-    return [f"{scene}: {labels[metric]}" for scene, metric in keys], rows
+    columns = ["method", *(f"{scene}: {labels[metric]}" for scene, metric in keys)]
+    rows: Rows = [
+        [method, *(spread_of(cells, scene, method, metric) for scene, metric in keys)]
+        for method in dict.fromkeys(methods)
+    ]
+    return Table(id, 0, title, columns, rows)
 
 
 def without_a_score(cells: list[CellRecord], where: str = "") -> Iterator[str]:
@@ -209,8 +214,7 @@ def without_a_score(cells: list[CellRecord], where: str = "") -> Iterator[str]:
 
 def number(value: float, metric: str, sign: bool = True) -> str:
     """Return the value with the digits of its metric and a true minus sign."""
-    digits = metric_table.METRICS[metric].digits
-    return f"{value:{'+' if sign else ''}z.{digits}f}".replace("-", "−")
+    return f"{value:{'+' if sign else ''}z.{metric_table.METRICS[metric].digits}f}".replace("-", "−")
 
 
 def amount(value: float | None, metric: str, sign: bool = True) -> str:

@@ -1,7 +1,7 @@
 """What each of Q-NeRF's three parts does: the full 2³ factorial and Table 4, under both readings of the amplifier."""
 
 from collections.abc import Iterator
-from itertools import pairwise, product
+from itertools import chain, pairwise, product
 
 from harness.records.cells import CellRecord
 from harness.records.study import Effect, Table
@@ -37,27 +37,22 @@ def factorial(context: EvidenceContext) -> Iterator[Found]:
     yield _answer(by_reading, cells)
     for reading, of_reading in by_reading.items():
         yield from _in_figures(of_reading, reading)
-    for reading in READINGS:
-        yield from _densest(cells, reading)
+    for reading, design in designs.items():
+        yield from _densest(cells, design, reading)
     yield from without_a_score(cells)
     yield (
         "A main effect is the score with a part less the score without it, averaged over all settings of the other two "
         "parts; an interaction is half the difference between a part's effect with and without the other. At equal "
         "training time all eight combinations of a scene and a seed are compared at the time that the quickest took."
     )
-    for of_reading in by_reading.values():
-        yield from of_reading
-    yield from compared
-    for reading in READINGS:
-        yield ablation(cells, compared, reading)
-    columns, scores = score_table(cells, (name for design in designs.values() for name in design.methods.values()))
-    title = "Every combination at equal steps: mean ± sd over seeds"
-    yield Table("combinations", 0, title, ["method", *columns], [[method, *row] for method, row in scores.items()])
+    yield from chain(*by_reading.values(), compared)
+    yield from (ablation(cells, compared, reading) for reading in READINGS)
+    every = [name for design in designs.values() for name in design.methods.values()]
+    yield score_table("combinations", "Every combination at equal steps: mean ± sd over seeds", cells, every)
     for reading, design in designs.items():
         here = [cell for cell in cells if cell.method in design.methods.values()]
         panel = f"Main effects over all scenes, amplifier of {reading}"
-        for part in PARTS:
-            yield along_training(design, (part,), here, panel, name=part)
+        yield from (along_training(design, (part,), here, panel, name=part) for part in PARTS)
 
 
 def design_of(reading: str) -> Design:
@@ -118,8 +113,8 @@ def _in_figures(of_reading: list[Effect], reading: str) -> Iterator[str]:
         yield f"No interaction is distinguished from 0 over all scenes ({reading}); the largest is {largest}."
 
 
-def _densest(cells: list[CellRecord], reading: str) -> Iterator[str]:
-    amplified = [method for corner, method in design_of(reading).methods.items() if corner[1]]
+def _densest(cells: list[CellRecord], design: Design, reading: str) -> Iterator[str]:
+    amplified = [method for corner, method in design.methods.items() if corner[1]]
     fields = [cell.properties for cell in cells if cell.method in amplified and cell.status == "done"]
     if fields:
         density, opacity = (
@@ -140,14 +135,12 @@ def ablation(cells: list[CellRecord], compared: list[Effect], reading: str) -> T
     for place, (method, printed) in enumerate(zip(methods, ablation, strict=True)):
         row: list[str | float | None] = [str(printed["configuration"]), method]
         for metric in METRICS:
-            row += [spread_of(cells, TABLE4_SCENE, method, metric), str(printed["scores"][metric])]
-            if place == 0:
-                row += ["", ""]
-                continue
-            above = methods[place - 1]
-            (step,) = chosen(compared, name=method, against=above, scene=TABLE4_SCENE, metric=metric)
-            jump = float(str(printed["scores"][metric])) - float(str(ablation[place - 1]["scores"][metric]))
-            row += [in_brief(step), amount(jump, metric)]
+            score, step, jump = str(printed["scores"][metric]), "", ""
+            if place > 0:
+                facts = {"against": methods[place - 1], "scene": TABLE4_SCENE, "metric": metric}
+                step = in_brief(*chosen(compared, name=method, **facts))
+                jump = amount(float(score) - float(str(ablation[place - 1]["scores"][metric])), metric)
+            row += [spread_of(cells, TABLE4_SCENE, method, metric), score, step, jump]
         rows.append(row)
     columns = ["configuration", "method"]
     for label in ("PSNR, dB", "SSIM"):

@@ -41,22 +41,20 @@ def objections(context: EvidenceContext) -> Iterator[Found]:
     cells = runs["objections"].cells
     yield amplifier_after_training(cells)
     every: list[Effect] = []
-    for objection in OBJECTIONS:
-        where = "" if objection.training == "objections" else "without silhouettes"
-        trained = runs[objection.training].cells
-        own = effects(trained, objection.method, objection.against, where, together=len(OBJECTIONS))
+    for each in OBJECTIONS:
+        where = "" if each.training == "objections" else "without silhouettes"
+        own = effects(runs[each.training].cells, each.method, each.against, where, together=len(OBJECTIONS))
         every += own
         for effect in chosen(own, scene="all"):
-            yield f"{objection.words}: {objection.method} − {objection.against} is {in_words(effect)} at equal steps."
+            yield f"{each.words}: {each.method} − {each.against} is {in_words(effect)} at equal steps."
     yield octaves(runs["objections"])
     for name, run in runs.items():
         yield from without_a_score(run.cells, f"{name}: ")
     yield from every
     yield taken_out(cells)
     for name, methods in (("objections", OBJECTED), ("no_silhouettes", WITHOUT_SILHOUETTES)):
-        columns, scores = score_table(runs[name].cells, methods, ("psnr",))
-        rows: Rows = [[method, *row] for method, row in scores.items()]
-        yield Table(f"{name}_scores", 0, f"PSNR at equal steps, dB: {name}", ["method", *columns], rows)
+        title = f"PSNR at equal steps, dB: {name}"
+        yield score_table(f"{name}_scores", title, runs[name].cells, methods, ("psnr",))
 
 
 def amplifier_after_training(cells: list[CellRecord]) -> str:
@@ -87,14 +85,13 @@ def values_of(cells: list[CellRecord], name: str) -> list[float]:
 
 def octaves(run: StudyRun) -> str:
     """Return how much less far the released encoding reaches than the normalised one: log2(π / half extent)."""
-    less = {
-        scene.name: math.log2(math.pi / (0.5 * max(high - low for low, high in zip(*scene.bounds, strict=True))))
+    less = [
+        math.log2(math.pi / (0.5 * max(high - low for low, high in zip(*scene.bounds, strict=True))))
         for scene in run.scenes
-    }
-    low, high = min(less.values()), max(less.values())
+    ]
     return (
-        f"{CATALOG['nerf_released'].title}: its highest frequency lies {low:.1f} to {high:.1f} octaves below that of "
-        "nerf on these scenes, whose positions are normalised by the box and multiplied by π."
+        f"{CATALOG['nerf_released'].title}: its highest frequency lies {min(less):.1f} to {max(less):.1f} octaves "
+        "below that of nerf on these scenes, whose positions are normalised by the box and multiplied by π."
     )
 
 
@@ -105,6 +102,5 @@ def taken_out(cells: list[CellRecord]) -> Table:
             mine = [cell for cell in cells if (cell.method, cell.scene) == (method, scene)]
             if factors := values_of(mine, "alpha_phi"):
                 changes = values_of(mine, "psnr_without_amplifier")
-                change = amount(fmean(changes), "psnr") if changes else None
-                rows.append([method, scene, fmean(factors), change])
+                rows.append([method, scene, fmean(factors), amount(fmean(changes), "psnr") if changes else None])
     return Table("taken_out", 0, "Eq. 4 taken out after training", ["method", "scene", "α φ", "change of PSNR"], rows)

@@ -145,11 +145,9 @@ def _sentences(loss: Loss) -> Iterator[str]:
 
 def _checks(loss: Loss) -> Iterator[Check]:
     control, overall = loss.control, loss.psnr[0] if loss.psnr else None
-    what = f"NeRF {control.what}: the loss is found over all scenes"
-    if overall is None:
-        yield check(what, None, low=1.0, why="no scene needs what is missing")
-    else:
-        yield check(what, float(loss.is_found), low=1.0, why=f"PSNR at equal steps: {overall.verdict.phrase}")
+    found = float(loss.is_found) if overall else None
+    why = f"PSNR at equal steps: {overall.verdict.phrase}" if overall else "no scene needs what is missing"
+    yield check(f"NeRF {control.what}: the loss is found over all scenes", found, low=1.0, why=why)
     if control.loss is None:
         return
     least = -METRICS["psnr"].smallest_of_interest

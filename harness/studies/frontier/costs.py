@@ -101,16 +101,12 @@ def time_to_score(frontier: Frontier) -> Table:
     rows: Rows = []
     for family in frontier.trained:
         entries = []
+        scores = np.array([frontier.table(budget, (family,))[0] for budget in frontier.budgets])
         for target in TARGETS:
-            tables = {budget: frontier.table(budget, (family,))[0] for budget in frontier.budgets}
-            first = [
-                min((budget for budget in tables if tables[budget][place] >= target), default=np.inf)
-                for place in range(len(frontier.amount.scenes))
-            ]
-            reached = sum(np.isfinite(first))
+            first = np.where(scores >= target, np.array(frontier.budgets)[:, None], np.inf).min(axis=0)
             middle = float(np.median(first))
             when = f"{middle:g}" if np.isfinite(middle) else f"> {frontier.budgets[-1]:g}"
-            entries.append(f"{when} ({reached} of {len(first)} scenes)")
+            entries.append(f"{when} ({np.isfinite(first).sum()} of {len(first)} scenes)")
         rows.append([family, *entries])
     title = "Core seconds to a score: the median over scenes of the shortest budget that reaches it"
     return Table("time_to_score", 0, title, ["family", *(f"{target:g} dB" for target in TARGETS)], rows)

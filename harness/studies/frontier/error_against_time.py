@@ -1,6 +1,7 @@
 """PSNR and root mean square error of every family at every budget, over all scenes and by scene."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 
@@ -11,8 +12,12 @@ from harness.studies.frontier.frontier_context import Amount, Frontier, Frontier
 from harness.studies.frontier.peers import points_of
 from harness.verdicts.statistics import paired_difference
 
-AXES = {"core_seconds": "core seconds of training", "seconds": "wall seconds of training", "evaluations": "evaluations"}
-"""The axes of cost; evaluations are those of a network or features, and of Gaussians on rays."""
+AXES: dict[str, tuple[str, Callable[[Any], float]]] = {
+    "core_seconds": ("core seconds of training", lambda cell: cell.train_core_seconds),
+    "seconds": ("wall seconds of training", lambda cell: cell.train_seconds),
+    "evaluations": ("evaluations", lambda cell: cell.curve[-1].network_evaluations),
+}
+"""The axes, and the cost of a cell; evaluations are those of a network or features, and of Gaussians on rays."""
 ERROR = "root mean square error of display colour"
 EVERY = "all scenes"
 USUAL = Amount().resolution
@@ -37,8 +42,7 @@ def error_against_time(context: FrontierContext) -> Iterator[Found]:
         ],
     )  # fmt: skip
     for axis in AXES:
-        scenes = (None, *frontier.amount.scenes) if axis == "core_seconds" else (None,)
-        for scene in scenes:
+        for scene in (None, *frontier.amount.scenes) if axis == "core_seconds" else (None,):
             yield from lines(frontier, axis, scene)
 
 
@@ -100,9 +104,9 @@ def over_scenes(frontier: Frontier) -> Table:
 
 
 def lines(frontier: Frontier, axis: str, scene: str | None) -> Iterator[Series]:
-    names = frontier.amount.scenes
+    names, (label, cost) = frontier.amount.scenes, AXES[axis]
     chosen = [names.index(scene)] if scene else list(range(len(names)))
-    panel = f"Error against {AXES[axis]}, {scene or EVERY}"
+    panel = f"Error against {label}, {scene or EVERY}"
     if frontier.amount.resolution != USUAL:
         panel += f", {frontier.amount.resolution} px"
     for family in frontier.trained:
@@ -112,36 +116,25 @@ def lines(frontier: Frontier, axis: str, scene: str | None) -> Iterator[Series]:
             if np.isnan(scores).any():
                 continue
             over_chosen = paired_difference(scores)
-            x.append(place_of(frontier, budget, family, axis))
+            x.append(float(np.median([cost(cell) for cell in frontier.of(budget, family)])))
             y.append(error_of(over_chosen.mean))
             # an interval over two scenes would be so wide that it hides the lines
             interval = over_chosen.interval if len(chosen) > 2 else None
             low.append(None if interval is None else error_of(interval[1]))
             high.append(None if interval is None else error_of(interval[0]))
-        yield Series(panel, 0, family, AXES[axis], ERROR, x, y, low, high)
-    for title, name in (("copying the nearest training view", "psnr_floor"), ("noise of the truth", "psnr_ceiling")):
-        values = [cell.scores.get(name) for cells in frontier.cells.values() for cell in cells if cell.scene == scene]
-        known = [value for value in values if value is not None]
-        if known and axis == "core_seconds":
-            level = error_of(float(np.median(known)))
-            ends = [frontier.budgets[0], frontier.budgets[-1]]
-            yield Series(panel, 0, title, AXES[axis], ERROR, ends, [level, level])
+        yield Series(panel, 0, family, label, ERROR, x, y, low, high)
     if scene is None or axis != "core_seconds":
         return
+    of_scene = [cell for cells in frontier.cells.values() for cell in cells if cell.scene == scene]
+    for title, name in (("copying the nearest training view", "psnr_floor"), ("noise of the truth", "psnr_ceiling")):
+        if known := [score for cell in of_scene if (score := cell.scores.get(name)) is not None]:
+            level, ends = error_of(float(np.median(known))), [frontier.budgets[0], frontier.budgets[-1]]
+            yield Series(panel, 0, title, label, ERROR, ends, [level, level])
     others = [point for point in points_of(frontier.amount) if point.scene == scene]
     for name in dict.fromkeys(point.name for point in others):
         theirs = [point for point in others if point.name == name]
         seconds, errors = [each.core_seconds for each in theirs], [error_of(each.psnr) for each in theirs]
-        yield Series(panel, 0, name, AXES[axis], ERROR, seconds, errors)
-
-
-def place_of(frontier: Frontier, budget: float, family: str, axis: str) -> float:
-    values = {
-        "core_seconds": lambda cell: cell.train_core_seconds,
-        "seconds": lambda cell: cell.train_seconds,
-        "evaluations": lambda cell: cell.curve[-1].network_evaluations,
-    }
-    return float(np.median([values[axis](cell) for cell in frontier.of(budget, family)]))
+        yield Series(panel, 0, name, label, ERROR, seconds, errors)
 
 
 def _decibels(value: float) -> str | None:

@@ -33,8 +33,7 @@ VIEWS = replace(PROFILES["reduced"].views, spp_train=256, ceiling_train_db=42.0)
 on larger pictures are far from it, and use them.
 """
 GAUSSIANS = {8.0: (2500, 5000), 60.0: (4000, 8000), 600.0: (4000, 16_000), math.inf: (8000, 40_000)}
-"""Budgets below which `splats` begins with, and grows to, so many Gaussians: more than it has time to train are worse.
-"""
+"""Budgets below which `splats` begins with, and grows to, so many Gaussians: more than it can train are worse."""
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from harness.records.study import Table
@@ -29,13 +30,8 @@ class Point:
 
 def read_points(file: Path = FILE) -> list[Point]:
     with file.open(encoding="utf-8", newline="") as rows:
-        return [
-            Point(
-                f"{row['program']}, {row['variant']}", row["protocol"], row["scene"], int(row["resolution"]),
-                float(row["core_seconds"]), float(row["psnr"]),
-            )
-            for row in csv.DictReader(rows)
-        ]  # fmt: skip
+        points = [{**row, "name": f"{row['program']}, {row['variant']}"} for row in csv.DictReader(rows)]
+    return msgspec.convert(points, list[Point], strict=False)
 
 
 def points_of(amount: Amount) -> list[Point]:
@@ -56,7 +52,7 @@ def peers(context: FrontierContext) -> Iterator[Found]:
         behind += ours is not None and ours[0] > point.psnr
         words = "" if ours is None else "{:.1f} dB in {:g} core s, {}".format(*ours)
         rows.append([point.name, point.scene, f"{point.core_seconds:g}", f"{point.psnr:.1f}", words, point.protocol])
-    programs = listed(list(dict.fromkeys(point.name.split(",")[0] for point in points)))
+    programs = listed(dict.fromkeys(point.name.split(",")[0] for point in points))
     yield f"{programs}: at {behind} of {len(points)} points a family of ours scores higher in no more core seconds."
     columns = ["program", "scene", "core s", "PSNR, dB", "the best of ours in no more time", "protocol"]
     yield Table("peers", 0, "Other programs on a processor", columns, rows)

@@ -9,7 +9,7 @@ import numpy as np
 from baselines.numerics.attention.maps import MAPS, MapInputs
 from baselines.numerics.attention.priorities import PHI, is_equal, region_order, without_phi
 from baselines.numerics.attention.regions import Regions
-from harness.playback.progressive import Canvas, Done, coarse, estimated_error, refine, why_plain
+from harness.playback.progressive import Canvas, Done, Order, coarse, estimated_error, refine, why_plain
 from harness.playback.run_loader import TrainedCell
 from harness.records.study import Check, Status, Table
 from harness.studies.framework import Found, Rows
@@ -17,14 +17,6 @@ from harness.studies.serving.serving_context import CLOCK, Clock, ServingContext
 from harness.training.batches import Camera
 from harness.training.scoring.evaluate import View
 
-KINDS = {
-    "point": "a point of interest in the picture's centre, half the attention a quarter of the width away",
-    "mask": "a user's mask: the middle half of the rows and of the columns, a quarter of the picture",
-    "gradients": "where the coarse frame changes",
-    "error": "where half of the samples make another coarse frame",
-    "foveal": "the acuity of an eye that looks at a third of the height and two thirds of the width",
-}
-"""Map of `baselines.numerics.attention.maps.MAPS` → what it attends to."""
 ORDERS = {"attention": "attention", "raster": "raster order", "plain": "plain rendering"}
 """The orders in which a picture is refined after its coarse frame; `plain` has no such frame and the largest chunks."""
 MEASURES = {"whole": "the whole picture", "attended": "the most attended quarter"}
@@ -88,7 +80,7 @@ def attention(context: ServingContext) -> Iterator[Found]:
         by_kind: dict[str, list[dict[str, Times]]] = {}
         for number, view in enumerate(views):
             first = view.coarse()
-            maps = {kind: attention_of(kind, view, first) for kind in KINDS}
+            maps = {kind: attention_of(kind, view, first) for kind in MAPS}
             least = max(1, int(MIN_SHARE * view.bins))
             effects += [without_phi(weights, view.regions.rays, view.bins, least) for weights in maps.values()]
             for kind in [kind for kind, weights in maps.items() if is_equal(weights)]:
@@ -129,7 +121,9 @@ def region_view(context: ServingContext, cell: TrainedCell, pose: np.ndarray) ->
 
 
 def attention_of(kind: str, view: RegionView, first: View) -> np.ndarray:
-    """Return the attention, float64 [regions]; `first` is the coarse frame of the view."""
+    """Return the attention by a map of `MAPS`, float64 [regions]. The point of interest is the picture's centre, the
+    mask its middle quarter; an eye looks at a third of the height and two thirds of the width.
+    """
     learner, camera, chunk = view.cell.learner, view.camera, view.cell.chunk
     row, column = (1 / 3, 2 / 3) if kind == "foveal" else (1 / 2, 1 / 2)
     inputs = MapInputs(
@@ -166,22 +160,19 @@ def refined(view: RegionView, kinds: Sequence[str], repeats: int, clock: Clock =
 
 
 def refine_in(view: RegionView, name: str, clock: Clock = CLOCK) -> Refined:
-    """Refine in an order, or by a map, which is then computed; `plain` begins with a white frame. All parts share one
-    clock.
-    """
+    """Refine in an order, or by a map, which is computed on the same clock; `plain` begins with a white frame."""
     cell, regions, camera = view.cell, view.regions, view.camera
+    order: Order = "raster" if name == "raster" else "attention"
     began, weights = clock(), np.ones(regions.count)
     if name == "plain":  # it is the order by attention with equal attention
         first, seconds = Canvas(camera.height, camera.width).view, [0.0]
     else:
         first = view.coarse()
-        if name != "raster":
+        if order == "attention":
             weights = attention_of(name, view, first)
         seconds = [clock() - began]
     parts = []
-    for done in refine(
-        cell.learner, camera, regions, weights, cell.chunk, "raster" if name == "raster" else "attention"
-    ):
+    for done in refine(cell.learner, camera, regions, weights, cell.chunk, order):
         seconds.append(clock() - began)
         parts.append(done)
     return Refined(first, parts, np.array([seconds]))
@@ -190,10 +181,7 @@ def refine_in(view: RegionView, name: str, clock: Clock = CLOCK) -> Refined:
 def attended_pixels(regions: Regions, weights: np.ndarray) -> np.ndarray:
     """Return bool [pixels]: those of the most attended quarter of the regions."""
     count = max(1, round(QUARTER * regions.count))
-    attended = np.zeros(regions.height * regions.width, dtype=bool)
-    for region in region_order(weights)[:count]:
-        attended[regions.pixels(int(region))] = True
-    return attended
+    return np.isin(regions.of_pixel.reshape(-1), region_order(weights)[:count])
 
 
 def errors_along(run: Refined, finished: View, where: np.ndarray) -> Iterator[dict[str, float]]:
@@ -209,15 +197,13 @@ def errors_along(run: Refined, finished: View, where: np.ndarray) -> Iterator[di
 def times_of(runs: dict[str, Refined], finished: View, where: np.ndarray) -> dict[str, Times]:
     """Return measure → the seconds [repeats] of each order until its error stays below `SHARE_OF_ERROR`."""
     errors = {order: list(errors_along(run, finished, where)) for order, run in runs.items()}
-    times: dict[str, Times] = {}
-    for measure in MEASURES:
-        limit = SHARE_OF_ERROR * errors["raster"][0][measure]
-        times[measure] = {}
-        for order, run in runs.items():
+    times: dict[str, Times] = {measure: {} for measure in MEASURES}
+    for order, run in runs.items():
+        or_never = np.pad(run.seconds, ((0, 0), (0, 1)), constant_values=np.inf)
+        for measure in MEASURES:
+            limit = SHARE_OF_ERROR * errors["raster"][0][measure]
             above = [place for place, error in enumerate(errors[order]) if error[measure] > limit]
-            reached = above[-1] + 1 if above else 0
-            never = np.full((len(run.seconds), 1), np.inf)
-            times[measure][order] = np.append(run.seconds, never, axis=1)[:, reached]
+            times[measure][order] = or_never[:, above[-1] + 1 if above else 0]
     return times
 
 
@@ -234,19 +220,15 @@ def earlier(times: Times, order: str, other: str) -> bool:
 
 
 def findings_of(cases: Sequence[Case]) -> Iterator[Found]:
-    checks = []
+    checks, medians = [], []
     for order, words in ORDERS.items():
         ms = [1e3 * float(np.median(case.times["whole"][order])) for case in cases]
         if np.isfinite(ms).all():
-            what, middle, ends = (
-                f"until a tenth of the error remains, {words}",
-                statistics.median(ms),
-                (min(ms), max(ms)),
-            )
-            one = Check(what, middle, unit="ms", owner="machine", spread=ends, repeats=len(ms), id=f"whole.{order}")
-            checks.append(one)
-    medians = ", ".join(f"{check.what.partition(', ')[2]} {brief(1e-3 * (check.value or 0.0))}" for check in checks)
-    yield f"Until a tenth of the coarse frame's error remains in the whole picture: {medians} (medians)."
+            what, id, spread = f"until a tenth of the error remains, {words}", f"whole.{order}", (min(ms), max(ms))
+            middle = statistics.median(ms)
+            checks.append(Check(what, middle, unit="ms", owner="machine", spread=spread, repeats=len(ms), id=id))
+            medians.append(f"{words} {brief(1e-3 * middle)}")
+    yield f"Until a tenth of the coarse frame's error remains in the whole picture: {', '.join(medians)} (medians)."
     yield from checks
     yield from (_earlier_check(cases, measure) for measure in MEASURES)
     pairs = [[float(np.median(case.times["attended"][order])) for order in ("raster", "attention")] for case in cases]
@@ -259,19 +241,17 @@ def _earlier_check(cases: Sequence[Case], measure: str) -> Check:
     """Return in how many cases attention is earlier than raster order. For the attended quarter this is the paper's
     claim: with enough scenes it holds if attention is earlier in every case, and fails if it is later in every case.
     """
-    times = [(case.scene, case.times[measure]) for case in cases]
     scenes = {case.scene for case in cases}
-    behind_on = {scene for scene, at in times if not earlier(at, "attention", "raster")}
-    ahead = sum(earlier(at, "attention", "raster") for _, at in times)
-    behind = sum(earlier(at, "raster", "attention") for _, at in times)
-    undecided = len(cases) - ahead - behind
+    not_ahead = [case.scene for case in cases if not earlier(case.times[measure], "attention", "raster")]
+    behind = sum(earlier(case.times[measure], "raster", "attention") for case in cases)
+    ahead, undecided = len(cases) - len(not_ahead), len(not_ahead) - behind
     status: Status = "measured"
     words = f"of {len(cases)} cases, later in {behind}" + (f", undecided in {undecided}" if undecided else "")
     if measure == "attended":
         status = "inconclusive"
         if len(scenes) >= MIN_SCENES and len(cases) in (ahead, behind):
             status = "pass" if ahead else "fail"
-        words += f", earlier in all of them on {len(scenes - behind_on)} of {len(scenes)} scenes"
+        words += f", earlier in all of them on {len(scenes - {*not_ahead})} of {len(scenes)} scenes"
         words += "; the map that orders regions defines which are attended: earlier by construction, but for its cost"
     return Check(
         f"cases in which attention is earlier than raster order, in {MEASURES[measure]}",

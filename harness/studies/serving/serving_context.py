@@ -23,10 +23,6 @@ from harness.training.scoring.evaluate import View, render_view
 from harness.training.trainer import Diverged
 from scenes.files.errors import DamagedRecord, InputError
 
-EXPECTED = (InputError, DamagedRecord, Diverged)
-"""The errors of a run that cannot be rendered; any other is an error of this harness."""
-QUICK_SHARE = 0.1
-
 
 @dataclass(frozen=True)
 class Sizes:
@@ -40,11 +36,6 @@ class Sizes:
     scenes: int = 3
     views: int = 3
     repeats: int = 3
-
-
-FULL = Sizes()
-QUICK = Sizes(3, 2, 2, 1, 1, 1)
-"""Sizes at which no figure means anything, to try the studies themselves."""
 
 
 @dataclass(frozen=True)
@@ -87,11 +78,11 @@ class ServingContext(StudyContext):
         return structs.replace(record, studies=[study for study in record.studies if not study.failed])
 
     def seconds(self, study: Study, asked: list[Study]) -> float:
-        return study.seconds * (QUICK_SHARE if self.quick else 1.0)
+        return study.seconds * (0.1 if self.quick else 1.0)
 
     @property
     def sizes(self) -> Sizes:
-        return QUICK if self.quick else FULL
+        return Sizes(3, 2, 2, 1, 1, 1) if self.quick else Sizes()
 
     def leave_out(self, what: str, why: str) -> None:
         gap = Check(what, None, why=why, owner="machine", status="not_available", id="left_out")
@@ -141,7 +132,7 @@ def study(measure: Measure) -> Measure:
         context.gaps.clear()
         try:
             yield from measure(context)
-        except EXPECTED as error:
+        except (InputError, DamagedRecord, Diverged) as error:
             yield Check("this study", None, why=" ".join(str(error).split()), status="fail", id="failed")
         yield from context.gaps
 

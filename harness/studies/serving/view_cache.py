@@ -169,9 +169,7 @@ def confusions(context: ServingContext, cell: TrainedCell, others: Iterable[Vari
 
 
 def variants(context: ServingContext, cell: TrainedCell) -> Iterator[Variant]:
-    """Yield changes of what the picture depends on other than the pose. The tests of `harness.playback.keys` change
-    everything else.
-    """
+    """Yield changes of what a picture depends on except the pose; tests of `harness.playback.keys` change the rest."""
     learner, chunk, scene = cell.learner, cell.chunk, cell.scene
     another = next((seed for seed in context.run.run.seeds if seed != context.seed), None)
     if another is not None and (trained := context.trained(scene, learner.method, another)) is not None:

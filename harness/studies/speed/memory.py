@@ -21,7 +21,6 @@ from harness.studies.drawn_views import write_noise
 from harness.studies.framework import Rows, StudyContext
 from harness.studies.speed.speed_context import SpeedContext, figure, no_figure, reduced_plan, views_of
 
-MEBIBYTE = 1 << 20
 LIMIT_GB = 2.0
 IMAGES, RESOLUTIONS = (25, 100), (50, 100, 200)
 QUICK_IMAGES, QUICK_RESOLUTIONS = (4,), (16, 24)
@@ -59,19 +58,16 @@ def peaks_of(context: StudyContext, task: GroupTask) -> tuple[int, int]:
 
 
 def _peaks(task: GroupTask) -> tuple[int, int]:
-    training, failed = 0, []
+    training = 0
+    cells: list[CellRecord] = []
 
     def on_progress(share: float) -> None:
         nonlocal training
         if share < 1.0:
             training = peak_bytes()
 
-    def on_cell(cell: CellRecord) -> None:
-        if cell.status != "done":
-            failed.append(f"{cell.method}: {cell.status}, {cell.reason}")
-
-    run_group(task, on_progress, on_cell)
-    if failed:
+    run_group(task, on_progress, cells.append)
+    if failed := [f"{cell.method}: {cell.status}, {cell.reason}" for cell in cells if cell.status != "done"]:
         raise RuntimeError(f"a worker failed: {'; '.join(failed)}")
     return training, peak_bytes()
 
@@ -94,13 +90,13 @@ def _independence(context: SpeedContext, task: GroupTask) -> Iterator[Check | Se
     columns = ["training images", "width (px)", "peak (GB)"]
     yield Table("memory.training", 0, "Peak memory during training, nerf, reduced settings", columns, rows)
     pixels = (counts[-1] * resolutions[-1] ** 2) / (counts[0] * resolutions[0] ** 2)
-    more = (peaks[-1] - peaks[0]) * 1e9 / MEBIBYTE
+    mebibytes = (peaks[-1] - peaks[0]) * 1e9 / (1 << 20)
     yield figure(
         "memory.training.growth",
         "Peak memory during training, many large images against few small images",
         [peaks[-1] / peaks[0]],
         "×",
-        f"{pixels:.0f} times the pixels, {more:.0f} MiB more; a single run each",
+        f"{pixels:.0f} times the pixels, {mebibytes:.0f} MiB more; a single run each",
         high=1.1,
     )
 

@@ -7,18 +7,14 @@ from harness.studies.framework import Shelf, Study, catalogue
 QUICK_SECONDS = 4
 
 
-def _question(number: int, title: str, measure: str, seconds: float) -> Study:
-    return Study(StudyInfo(str(number), title), measure, seconds)
-
-
 QUESTIONS: dict[str, Study] = catalogue(
-    _question(1, "Training throughput at the paper's network", "throughput:measure", 50),
-    _question(2, "Share of the machine's matrix rate", "throughput:share_of_matrix_rate", 140),
+    Study(StudyInfo("1", "Training throughput at the paper's network"), "throughput:measure", 50),
+    Study(StudyInfo("2", "Share of the machine's matrix rate"), "throughput:share_of_matrix_rate", 140),
     # the plain training, then the others, each on its own clock; evaluations are off the clock
-    _question(3, "Time to a target PSNR", "time_to_target:measure", 1.3 * PLAIN_SECONDS),
-    _question(4, "Full-frame rendering", "rendering_speed:rendering", 45),
-    _question(7, "Ground truth by Mitsuba variant", "rendering_speed:ground_truth", 80),
-    _question(8, "Peak memory", "memory:measure", 720),
-    _question(11, "What each acceleration gains", "accelerations:measure", 60),
+    Study(StudyInfo("3", "Time to a target PSNR"), "time_to_target:measure", 1.3 * PLAIN_SECONDS),
+    Study(StudyInfo("4", "Full-frame rendering"), "rendering_speed:rendering", 45),
+    Study(StudyInfo("7", "Ground truth by Mitsuba variant"), "rendering_speed:ground_truth", 80),
+    Study(StudyInfo("8", "Peak memory"), "memory:measure", 720),
+    Study(StudyInfo("11", "What each acceleration gains"), "accelerations:measure", 60),
 )
 SHELF = Shelf("speed", "questions", QUESTIONS)

@@ -7,7 +7,6 @@ from dataclasses import asdict, dataclass, replace
 from functools import cache
 
 import torch
-from torch import Tensor
 
 from baselines.contract import Accelerations, Box, NetworkSize, Precision, Rays
 from harness.execution.ground_truth import read_views, view_set_folders
@@ -39,7 +38,7 @@ STREAM = "speed/0"
 
 @dataclass(frozen=True)
 class SpeedContext(StudyContext):
-    """Both sides of every comparison get all cores as threads, unless the question is about threads."""
+    """Both sides of every comparison get all cores as threads."""
 
     plain_seconds: float
 
@@ -74,7 +73,7 @@ class SpeedContext(StudyContext):
     @property
     def matrix_units(self) -> bool:
         """Return whether the higher targets apply: on a CPU with AMX."""
-        return self.device.type == "cpu" and multiplies_bfloat16(self.device) and self.precision == "bfloat16"
+        return self.device.type == "cpu" and self.precision == "bfloat16"
 
     def target(self, with_matrix_units: float, without: float) -> float | None:
         """Return the target; a GPU has none."""
@@ -146,10 +145,6 @@ def views_of(context: SpeedContext) -> ViewSet:
     else:
         folder = view_set_folders(plan, context.view_sets, context.show)[SCENE]
     return read_views(folder, plan.views, context.scratch)
-
-
-def synthetic_batch(context: SpeedContext, count: int) -> Batch:
-    return random_batch(context.device, count, "speed", "rays")
 
 
 def random_batch(device: torch.device, count: int, *purpose: int | str) -> Batch:
@@ -238,11 +233,7 @@ def no_figure(id: str, title: str, unit: str, why: str, *, low: float | None = N
 
 
 def new_trainer(
-    context: SpeedContext,
-    settings: TrainSettings,
-    box: Box,
-    view_dependent: bool = True,
-    budget: Budget | None = None,
+    context: SpeedContext, settings: TrainSettings, box: Box, view_dependent: bool = True, budget: Budget | None = None
 ) -> Trainer:
     """Return vanilla NeRF. Without a budget the learning rate is constant."""
     return Trainer(Job("nerf", box, settings, budget or Budget(None, None), STREAM, context.device, view_dependent))
@@ -266,9 +257,8 @@ def variant_of(source: Trainer, context: SpeedContext, accelerations: Accelerati
     weights = dict(source.fields.named_parameters())
     with torch.no_grad():
         for name, weight in copy.fields.named_parameters():
-            value: Tensor = weights[name]
             weight.zero_()
-            weight[..., : value.shape[-1]] = value
+            weight[..., : weights[name].shape[-1]] = weights[name]
     copy.step = source.step
     if copy.grid is not None and source.grid is not None:
         copy.grid.density = source.grid.density.clone()

@@ -24,9 +24,9 @@ from harness.studies.speed.speed_context import (
     interleaved,
     new_trainer,
     paper_settings,
+    random_batch,
     ratio,
     reduced_plan,
-    synthetic_batch,
     unit_box,
 )
 from harness.training.batches import Batch
@@ -36,7 +36,7 @@ from harness.training.learner import take_step, warm_up
 def measure(context: SpeedContext) -> Iterator[Check]:
     """Yield the headline ratio, whose two sides evaluate exactly the same number of samples, and its details."""
     settings = paper_settings(context)
-    batch = synthetic_batch(context, settings.rays)
+    batch = random_batch(context.device, settings.rays, "speed", "rays")
     field = PlainField(settings.network, unit_box(context.device), STREAM).to(context.device)
     optimiser = torch.optim.Adam(field.parameters(), lr=settings.learning_rate)
     sides: dict[str, Callable[[], object]] = {
@@ -146,7 +146,7 @@ def share_of_matrix_rate(context: SpeedContext) -> Iterator[Check]:
 
 def _share(context: SpeedContext, name: str, settings: TrainSettings) -> Iterator[Check]:
     size, dtype, points = settings.network, DTYPES[settings.precision], settings.rays * settings.bins
-    step = dense_side(context, settings, synthetic_batch(context, settings.rays))
+    step = dense_side(context, settings, random_batch(context.device, settings.rays, "speed", "rays"))
     for _ in range(context.repeats(3)):
         step()
     before = _matmul_rates(context, size.width, dtype)

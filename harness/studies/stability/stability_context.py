@@ -64,10 +64,8 @@ def none_of(what: str, offenders: Sequence[str], subject: str, owner: Owner = "o
     return check(what, len(offenders), high=0, why="; ".join(offenders), subject=subject, owner=owner)
 
 
-def ours_and_usual(
-    what: str, figures: Mapping[str, float], low: float | None = None, high: float | None = None
-) -> Iterator[Check]:
+def ours_and_usual(what: str, figures: Mapping[str, float], high: float) -> Iterator[Check]:
     """Check a figure of this harness and the same figure of the usual form: two subjects, in that order."""
     owners: tuple[Owner, Owner] = ("ours", "usual")
     for (subject, figure), owner in zip(figures.items(), owners, strict=True):
-        yield check(what, figure, low, high, subject=subject, owner=owner)
+        yield check(what, figure, high=high, subject=subject, owner=owner)

@@ -1,6 +1,4 @@
-"""The structural similarity of a complete view as a part of the loss; `harness.training.scoring.metrics.ssim` is the
-metric.
-"""
+"""1 − SSIM of a complete view as a part of the loss; the metric is `harness.training.scoring.metrics.ssim`."""
 
 import torch
 from jaxtyping import Float

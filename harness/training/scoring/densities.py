@@ -24,11 +24,7 @@ QUANTILES = (0.5, 0.9, 0.99)
 def quantiles_by_weight(
     values: Float[Tensor, " samples"], weights: Float[Tensor, " samples"], shares: tuple[float, ...]
 ) -> list[float]:
-    """Return for each share the smallest value that, together with all smaller values, has that share of the weight.
-    Raises `ValueError` if no sample has a weight.
-    """
-    if not float(weights.sum()) > 0.0:
-        raise ValueError("quantiles of samples without weight")
+    """Return for each share the smallest value that, together with all smaller values, has that share of the weight."""
     ordered, place = values.sort()
     summed = weights[place].double().cumsum(0)
     reached = torch.searchsorted(summed, summed[-1] * torch.tensor(shares, dtype=torch.float64, device=summed.device))
@@ -55,10 +51,7 @@ def rendered_samples(learner: Learner, cameras: Cameras) -> tuple[Tensor, Tensor
 
 
 def density_properties(learner: Learner, views: ViewSet, test: Cameras) -> dict[str, float | None]:
-    """Return the properties of `harness.records.cells.CellRecord` that concern the ceiling of density.
-
-    A pixel has its width at the centre of the box (`harness.plan.needed.pixels_across`).
-    """
+    """Return a record's properties about the ceiling of density; a pixel has its width at the centre of the box."""
     half, limit = learner.box.half_extent, learner.field.density_limit
     pixel = 2.0 * half / pixels_across(views)
     bounded = math.isfinite(limit)

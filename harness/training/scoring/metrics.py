@@ -69,12 +69,14 @@ def ssim(image: np.ndarray, truth: np.ndarray) -> float:
 def flip(image: np.ndarray, truth: np.ndarray) -> float:
     """Return the mean FLIP error (Andersson et al. 2020), 0 to 1, at the default 67 pixels per degree."""
     _require_finite(image, truth)
+    return _flip(np.clip(image, 0.0, 1.0), np.clip(truth, 0.0, 1.0), "LDR")
+
+
+def _flip(image: np.ndarray, truth: np.ndarray, kind: str) -> float:
     import flip_evaluator
 
-    reference, test = (np.clip(side, 0.0, 1.0).astype(np.float32) for side in (truth, image))
-    _, mean, _ = flip_evaluator.evaluate(
-        reference, test, "LDR", inputsRGB=True, applyMagma=False, computeMeanError=True
-    )
+    reference, test = (side.astype(np.float32) for side in (truth, image))
+    _, mean, _ = flip_evaluator.evaluate(reference, test, kind, applyMagma=False, computeMeanError=True)
     return float(mean)
 
 
@@ -110,11 +112,7 @@ def smape(light: np.ndarray, truth: np.ndarray) -> float:
 def hdr_flip(light: np.ndarray, truth: np.ndarray) -> float:
     """Return the mean HDR-FLIP error of linear light (Andersson et al. 2021), 0 to 1; it chooses the exposures."""
     _require_finite(light, truth)
-    import flip_evaluator
-
-    reference, test = (np.maximum(side, 0.0).astype(np.float32) for side in (truth, light))
-    _, mean, _ = flip_evaluator.evaluate(reference, test, "HDR", applyMagma=False, computeMeanError=True)
-    return float(mean)
+    return _flip(np.maximum(light, 0.0), np.maximum(truth, 0.0), "HDR")
 
 
 def depth_rmse(depth: np.ndarray, truth: np.ndarray, opaque: np.ndarray) -> float | None:

@@ -66,17 +66,14 @@ whose density is too low looks the same.
 
 
 def likely_mistake(pictures: Images, truths: Images) -> str | None:
-    """Return what the pictures [h, w, 3 or 4] of the views seem to be instead, with the remedy; None if they are
-    nearest to the truth [h, w, 4] as they are read.
-    """
+    """Return what the pictures seem to be instead, with the remedy; None if they are nearest to the truth as read."""
     tried = spread_indices(MOST_TRIED, len(truths))
     own = np.array([mse(*as_read(pictures[view], truths[view])) for view in tried])
     if own.max() < IDENTICAL:
         return "seem to be copies of the truth: give the rendered ones"
+    impossible = _premultiplied if pictures[0].shape[-1] == 3 else _over_black
     for mistake, reading in READINGS.items():
-        if reading is _premultiplied and pictures[0].shape[-1] == 3:
-            continue
-        if reading is _over_black and pictures[0].shape[-1] == 4:
+        if reading is impossible:
             continue
         errors = np.array([mse(*reading(pictures[view], truths[view])) for view in tried])
         if errors.mean() < FITS and (FAR * errors < own).mean() > 0.9:

@@ -89,8 +89,9 @@ def score_pictures(
     images, digest, views, where = _read(pictures, view_set, resolution)
     if not as_they_are and (mistake := likely_mistake(images, views.test.rgba)):
         raise InputError(f"{where}: the pictures {mistake}; if they are meant as they are, --as-they-are")
-    rows = []
-    for index, view in enumerate(_as_views(images, views)):
+    rows, nothing = [], np.zeros((views.height, views.width), dtype=np.float32)
+    for index, truth in enumerate(views.test.rgba):
+        view = View(as_read(images[index], truth)[0], nothing, nothing)
         rows.append(view_scores(view, views.test, index, SCORED, distance))
         each(index + 1, len(images))
     scores = {name: score for name, score in mean_scores(rows).items() if name in SCORED}
@@ -142,12 +143,6 @@ def _truth(view_set: Path, width: int | None) -> ViewSet:
     if not len(views.test.rgba):
         raise InputError(f"{view_set}: has no test view; nothing can be scored")
     return views
-
-
-def _as_views(pictures: ImageStack, views: ViewSet) -> Iterator[View]:
-    nothing = np.zeros((views.height, views.width), dtype=np.float32)
-    for index, truth in enumerate(views.test.rgba):
-        yield View(as_read(pictures[index], truth)[0], nothing, nothing)
 
 
 def _digest(parts: Iterable[bytes]) -> str:

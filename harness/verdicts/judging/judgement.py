@@ -15,14 +15,7 @@ from harness.records.metric_table import PRIMARY
 from harness.verdicts.estimates.max_t import LEAST_UNITS, letters, step_down_max_t, written
 from harness.verdicts.estimates.multiplicity import holm
 from harness.verdicts.estimates.nested import medians
-from harness.verdicts.statistics import (
-    critical,
-    decided,
-    estimate,
-    on_these_scenes,
-    paired_difference,
-    shift_found,
-)
+from harness.verdicts.statistics import critical, decided, estimate, on_these_scenes, paired_difference, shift_found
 from harness.verdicts.tables.files import read_rows
 from harness.verdicts.tables.result_table import MARGINS, ResultTable, scene_means, table_of
 from harness.verdicts.tables.rows import Rows
@@ -102,23 +95,22 @@ def table(record: JudgementRecord) -> Sequence[tuple[str, ...]]:
     """Return a header and a row per method, best first: letters, rank and difference from the next, or from the
     baseline.
     """
-    first = ("method", f"mean {record.metric}", "scenes")
+    head = ("method", f"mean {record.metric}", "scenes")
+    first = [(place.method, number(record, place.mean), str(place.scenes)) for place in record.given.places]
     if record.baseline is not None:
         of = {pair.method: pair for pair in record.given.pairs}
-        return [(*first, f"against {record.baseline}")] + [
-            (*_first(record, place), _against(record, of.get(place.method))) for place in record.given.places
-        ]
+        return [(*head, f"against {record.baseline}")] + [(*own, _against(record, of.get(own[0]))) for own in first]
     of = {pair.method: pair for pair in record.given.neighbours}
-    return [(*first, "letters", "rank", "best", "to settle", "minus the next")] + [
+    return [(*head, "letters", "rank", "best", "to settle", "minus the next")] + [
         (
-            *_first(record, place),
+            *own,
             written(place.groups) or "–",
             shown_rank(place),
             shown_best(place),
             str(pair.scenes_to_settle) if (pair := of.get(place.method)) and pair.scenes_to_settle else "",
             _against(record, pair),
         )
-        for place in record.given.places
+        for own, place in zip(first, record.given.places, strict=True)
     ]
 
 
@@ -135,10 +127,6 @@ def shown_rank(place: Place) -> str:
 
 def shown_best(place: Place) -> str:
     return "" if place.best is None else f"{100 * place.best:.0f} %"
-
-
-def _first(record: JudgementRecord, place: Place) -> tuple[str, str, str]:
-    return place.method, number(record, place.mean), str(place.scenes)
 
 
 def missing_line(record: JudgementRecord) -> str:
@@ -228,18 +216,13 @@ def judge(table: ResultTable, margin: float | None, baseline: str | None) -> Jud
         seeds=len(table.seeds),
         results=int(np.isfinite(table.values).sum()),
         missing=[f"{table.methods[i]}, {table.scenes[j]}" for i, j in np.argwhere(~has)],
-        notes=[*table.notes, *_unjudged(table), *notes(table, margin)],
+        notes=[*table.notes, *notes(table, margin)],
         suspects=suspicious,
         given=ranking(table, margin, baseline),
         without_suspects=ranking(cleaned, margin, baseline) if cleaned else None,
         digests={},
         read_as=table.read_as,
     )
-
-
-def _unjudged(table: ResultTable) -> list[str]:
-    others = ", ".join(table.other_metrics)
-    return [f"Other metrics in the table, not judged here (--metric): {others}."] if others else []
 
 
 def ranking(table: ResultTable, margin: float, baseline: str | None = None) -> Ranking:
@@ -252,7 +235,8 @@ def ranking(table: ResultTable, margin: float, baseline: str | None = None) -> R
     else:
         rival = table.methods.index(baseline)
         duels = [(row, rival) for row in order if row != rival]
-    pairs = _signed([_pair(table, a, b, len(duels), margin) for a, b in duels], _differences(cells, duels), margin)
+    differences = np.array([cells[a] - cells[b] for a, b in duels]).reshape(len(duels), -1)
+    pairs = _signed([_pair(table, a, b, len(duels), margin) for a, b in duels], differences, margin)
     if baseline is None:
         neighbours = {(table.methods[a], table.methods[b]) for a, b in pairwise(order)}
         pairs = [_settled(p, len(duels)) if (p.method, p.against) in neighbours else p for p in pairs]
@@ -278,10 +262,6 @@ def ranking(table: ResultTable, margin: float, baseline: str | None = None) -> R
         for row, of in zip(order, groups, strict=True)
     ]
     return Ranking(places, pairs, len(duels))
-
-
-def _differences(cells: np.ndarray, duels: Sequence[tuple[int, int]]) -> np.ndarray:
-    return np.array([cells[a] - cells[b] for a, b in duels]).reshape(len(duels), -1)
 
 
 def _signed(pairs: list[Pair], differences: np.ndarray, margin: float) -> list[Pair]:
@@ -437,6 +417,8 @@ def without(table: ResultTable, suspicious: list[Suspect]) -> ResultTable | None
 
 
 def notes(table: ResultTable, margin: float) -> Iterator[str]:
+    if others := ", ".join(table.other_metrics):
+        yield f"Other metrics in the table, not judged here (--metric): {others}."
     known = [steps for steps in table.steps if steps is not None]
     if known and max(known) > 1.01 * min(known):
         yield f"Methods were trained for {min(known):,.0f} to {max(known):,.0f} steps: scores are compared as they are."

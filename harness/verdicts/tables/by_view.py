@@ -2,8 +2,7 @@
 
 import statistics
 from collections import defaultdict
-from collections.abc import Sequence
-from pathlib import Path
+from dataclasses import replace
 
 from harness.verdicts.tables.numbers import is_column_of_numbers, is_missing, number
 from harness.verdicts.tables.rows import Rows
@@ -35,25 +34,20 @@ def over_views(rows: Rows) -> Rows:
     if len(cells) == len(rows):
         return rows
     _require_same_views(rows, name, cells)
+    firsts = [min(views.values()) for views in cells.values()]
     columns: dict[str, list[object]] = {}
     for column, values in rows.columns.items():
         if column == name:
             continue
         is_score = column not in keys and is_column_of_numbers(values)
         columns[column] = [
-            _mean(rows, column, [*views.values()]) if is_score else values[min(views.values())]
-            for views in cells.values()
+            _mean(rows, column, [*views.values()]) if is_score else values[first]
+            for first, views in zip(firsts, cells.values(), strict=True)
         ]
     columns["views"] = [len(views) for views in cells.values()]
-    first = {min(views.values()) for views in cells.values()}
-    stretches: list[tuple[Path, str, Sequence[int]]] = []
-    before = 0
-    for path, unit, numbers in rows.stretches:
-        kept = [place for row, place in enumerate(numbers, before) if row in first]
-        stretches.append((path, unit, kept))
-        before += len(numbers)
+    places = [rows.places[row] for row in firsts]
     note = "Scores are means over the views of a scene: scenes, and not views, are the units of a verdict."
-    return Rows(columns, stretches, rows.arrows, [*rows.notes, note], rows.averages)
+    return replace(rows, columns=columns, places=places, notes=[*rows.notes, note])
 
 
 def _require_same_views(rows: Rows, name: str, cells: dict[tuple[str, ...], dict[str, int]]) -> None:

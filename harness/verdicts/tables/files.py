@@ -9,7 +9,7 @@ from harness.records.json_record import LARGEST_FILE
 from harness.verdicts.tables.by_view import over_views
 from harness.verdicts.tables.json_forms import HoldsNoRows, read_json_rows
 from harness.verdicts.tables.layout import read_text, rows_of_columns
-from harness.verdicts.tables.places import NOWHERE, ResultPlace, places_below
+from harness.verdicts.tables.places import ResultPlace, places_below
 from harness.verdicts.tables.rows import GIVEN, Rows, joined
 from scenes.files.errors import InputError
 
@@ -21,7 +21,7 @@ def read_rows(paths: Sequence[Path], metric: str | None = None) -> Rows:
     parts: list[Rows] = []
     for path in paths:
         if not path.is_dir():
-            parts.append(_read(_file(path), metric, NOWHERE))
+            parts.append(_read(_file(path), metric, ResultPlace()))
             continue
         read, refused = list[Rows](), list[InputError]()
         for file, place in places_below(path, len(paths) > 1).items():

@@ -20,9 +20,8 @@ RUN = re.compile(
     r"(?:^|[\s_/-]+)\(?seed[\s_#=-]*(\d+)\)?$|\s*[(\[](?:seed|run|trial)[\s_#=-]*(\d+)[)\]]$", re.IGNORECASE
 )
 """The seed at the end of a name."""
-MEASURE = ("metric", "metrics", "measure")
 SEED = ("seed", "run", "trial", "random_seed", "rep", "repeat", "run_id")
-ROLES = {"scene": SCENE, "method": METHOD, "metric": MEASURE, "seed": SEED}
+ROLES = {"scene": SCENE, "method": METHOD, "metric": ("metric", "metrics", "measure"), "seed": SEED}
 VALUE = ("value", "score", "result", "mean")
 """The name of a column of numbers of which another column, the file or the text around says what they are."""
 ASIDE = {

@@ -14,7 +14,7 @@ import msgspec
 from harness.records.metric_table import METRICS
 from harness.verdicts.tables.headers import share_of_scenes
 from harness.verdicts.tables.layout import rows_of_columns
-from harness.verdicts.tables.places import NOWHERE, ResultPlace, scene_folder
+from harness.verdicts.tables.places import ResultPlace, scene_folder
 from harness.verdicts.tables.rows import Rows
 from scenes.files.errors import InputError
 from scenes.files.json_object import JsonObject, each_key_once
@@ -29,7 +29,7 @@ class HoldsNoRows(InputError):
     """A JSON file of something else than results."""
 
 
-def read_json_rows(path: Path, text: str, place: ResultPlace = NOWHERE, metric: str | None = None) -> Rows:
+def read_json_rows(path: Path, text: str, place: ResultPlace, metric: str | None) -> Rows:
     """Return the rows of a file's text; `place` says what its folders name. Raises `HoldsNoRows`, and `InputError` for
     what is no JSON.
     """

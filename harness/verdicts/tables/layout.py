@@ -2,9 +2,10 @@
 is left out. A grid that could be read in two ways is refused.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from harness.records.metric_table import PRIMARY
 from harness.verdicts.tables.grids import Grid, grids_of
@@ -28,7 +29,7 @@ from harness.verdicts.tables.headers import (
     words_of,
 )
 from harness.verdicts.tables.numbers import has_spread, is_failed, is_missing, number
-from harness.verdicts.tables.rows import Rows, rows_of, with_seeds
+from harness.verdicts.tables.rows import Rows, rows_of
 from harness.verdicts.tables.tidying import tidied
 from scenes.files.errors import InputError
 
@@ -39,6 +40,8 @@ INDEX = ("", "#", "no", "nr", "index", "idx", "id", "rank")
 SPREADS = "Spreads behind ± or in brackets are left out: the judgement has its own."
 FILLED = "A blank name repeats the one above it."
 GUESSED = "No metric is named: the numbers are taken as PSNR, as all lie between 8 and 70 (--metric)."
+_Cells = dict[tuple[Any, ...], tuple[int, dict[str, object]]]
+"""Names of a cell → its first line and its values by column."""
 
 
 def read_text(path: Path, text: str, metric: str | None) -> Rows:
@@ -84,8 +87,7 @@ def rows_of_columns(
         return rows_of(path, heads, columns)
     body = [["" if value is None else str(value) for value in row] for row in zip(*columns, strict=True)]
     rows = rows_in(path, Grid([heads, *body], [*range(len(body) + 1)]), metric)
-    (_, _, numbers), *_ = rows.stretches
-    return replace(rows, stretches=[(path, "row", numbers)])
+    return replace(rows, places=[(path, "row", number) for _, _, number in rows.places])
 
 
 @dataclass
@@ -202,14 +204,20 @@ def _long(path: Path, table: _Table) -> Rows:
         heads[k] = heads[k] or role
     kept = sorted([*table.names, *table.values])
     _fill_down(table, min(table.roles["scene"], table.roles["method"]))
-    columns: list[list[object]] = [[row[k] for row in table.body] for k in kept]
-    names, lines = [heads[k] for k in kept], table.lines
-    seeded = [name for name in names if metric_of(name) and seed_of(name)]
-    taken = {"seed", *(without_seed(name).lower() for name in seeded)} & {name.lower() for name in names}
-    if len({seed_of(name) for name in seeded}) > 1 and not taken:
-        names, columns, lines = with_seeds(names, columns, lines)
     notes = [*table.notes, *_notes_on([row[k] for row in table.body for k in table.values])]
-    return rows_of(path, names, columns, "line", lines, notes=notes)
+    seeded = {k: seed for k in kept if metric_of(heads[k]) and (seed := seed_of(heads[k]))}
+    none: dict[str, object] = dict.fromkeys(without_seed(heads[k]) for k in seeded)
+    taken = {"seed", *(name.lower() for name in none)} & {heads[k].lower() for k in kept}
+    if len({*seeded.values()}) < 2 or taken:
+        columns: list[list[object]] = [[row[k] for row in table.body] for k in kept]
+        return rows_of(path, [heads[k] for k in kept], columns, table.lines, notes=notes)
+    others = [k for k in kept if k not in seeded]
+    cells: _Cells = {}
+    for k, seed in seeded.items():  # columns such as `psnr_seed0` and `psnr_seed1` become one, next to one of seeds
+        for place, (row, line) in enumerate(zip(table.body, table.lines, strict=True)):
+            _, scores = cells.setdefault((*(row[other] for other in others), seed, place), (line, {**none}))
+            scores[without_seed(heads[k])] = row[k]
+    return _of_cells(path, [*(heads[k] for k in others), "seed"], cells, [], notes)
 
 
 def _melted(path: Path, table: _Table) -> Rows:
@@ -223,21 +231,15 @@ def _melted(path: Path, table: _Table) -> Rows:
     others = [k for k in sorted([*table.names, *table.values]) if k not in (of_metric, scores[0])]
     for k in table.names[:-1]:
         _fill_down(table, k)
-    cells: dict[tuple[str, ...], dict[str, object]] = {}
-    places: dict[tuple[str, ...], int] = {}
+    cells: _Cells = {}
     for row, line in zip(table.body, table.lines, strict=True):
         name, key = column_name(row[of_metric]), tuple(row[k] for k in others)
-        of_row = cells.setdefault(key, {})
+        _, of_row = cells.setdefault(key, (line, {}))
         if name in of_row:
             raise InputError(f"{path}, line {line}: a second {name} of {' '.join(key)}; rename or delete one")
         of_row[name] = row[scores[0]]
-        places.setdefault(key, line)
-    by_kind = _by_kind(cells.values())
-    columns: list[list[object]] = [[key[k] for key in cells] for k in range(len(others))]
-    columns += by_kind.values()
     arrows = {(column_name(row[of_metric]), arrow_of(row[of_metric])) for row in table.body}
-    names = [*(heads[k] for k in others), *by_kind]
-    return rows_of(path, names, columns, "line", list(places.values()), arrows=arrows, notes=table.notes)
+    return _of_cells(path, [heads[k] for k in others], cells, arrows, table.notes)
 
 
 def _fill_down(table: _Table, column: int) -> None:
@@ -254,8 +256,6 @@ def _fill_down(table: _Table, column: int) -> None:
 
 @dataclass(frozen=True)
 class _Column:
-    """What a column of numbers holds."""
-
     place: int
     metric: str = ""
     name: str = ""
@@ -403,8 +403,7 @@ def _gathered(path: Path, table: _Table, kept: list[_Column], columns: list[_Col
     label, of_metric, of_seed = _column_of_labels(table), table.roles.get("metric"), table.roles.get("seed")
     for k in table.names[:-1]:
         _fill_down(table, k)
-    cells: dict[tuple[str, str, str | None], dict[str, object]] = {}
-    places: dict[tuple[str, str, str | None], int] = {}
+    cells: _Cells = {}
     means, others = list[str](), list[str]()
     for row, line in zip(table.body, table.lines, strict=True):
         name = row[label].strip()
@@ -419,17 +418,13 @@ def _gathered(path: Path, table: _Table, kept: list[_Column], columns: list[_Col
             seed = column.seed or (seed_of(name) if rows_are == "method" else None)
             if of_seed is not None:
                 seed = row[of_seed]
-            scores = cells.setdefault((*parts, seed), {})
+            _, scores = cells.setdefault((*parts, seed), (line, {}))
             if metric in scores:
                 raise InputError(
                     f"{path}, line {line}: a second {metric} of {parts[1]} on {parts[0]}; rename or delete one"
                 )
             scores[metric] = row[column.place]
-            places.setdefault((*parts, seed), line)
-    by_kind = _by_kind(cells.values())
     names = ["scene", "method", *(["seed"] if any(seed is not None for *_, seed in cells) else [])]
-    data: list[list[object]] = [[key[k] for key in cells] for k in range(len(names))]
-    data += by_kind.values()
     arrows = {(c.metric, arrow) for c in kept for arrow in (c.arrow, *(arrow_of(row[c.place]) for row in table.heads))}
     if of_metric is not None:
         arrows |= {(column_name(row[of_metric]), arrow_of(row[of_metric])) for row in table.body}
@@ -440,16 +435,23 @@ def _gathered(path: Path, table: _Table, kept: list[_Column], columns: list[_Col
     if others := [*dict.fromkeys(name for name in (*heads, *others) if name not in means)]:
         table.notes.append(f"Left out, as neither results nor their means: {', '.join(others)}.")
     notes = [*table.notes, *_notes_on([row[column.place] for row in table.body for column in kept])]
-    return rows_of(
-        path, [*names, *by_kind], data, "line", list(places.values()), arrows=arrows, notes=notes,
-        averages=[*dict.fromkeys(means)],
-    )  # fmt: skip
+    return _of_cells(path, names, cells, arrows, notes, means)
 
 
-def _by_kind(cells: Collection[dict[str, object]]) -> dict[str, list[object]]:
-    """Return the columns of cells, each a map of kind → value; None where a cell lacks a kind."""
-    kinds = dict.fromkeys(kind for cell in cells for kind in cell)
-    return {kind: [cell.get(kind) for cell in cells] for kind in kinds}
+def _of_cells(
+    path: Path,
+    names: list[str],
+    cells: _Cells,
+    arrows: Iterable[tuple[str, str]],
+    notes: list[str],
+    averages: Iterable[str] = (),
+) -> Rows:
+    """Return a row per cell: the parts of its key as columns `names`, then its values, None for one that it lacks."""
+    kinds = dict.fromkeys(kind for _, values in cells.values() for kind in values)
+    columns: list[list[object]] = [[key[k] for key in cells] for k in range(len(names))]
+    columns += [[values.get(kind) for _, values in cells.values()] for kind in kinds]
+    lines, means = [line for line, _ in cells.values()], [*dict.fromkeys(averages)]
+    return rows_of(path, [*names, *kinds], columns, lines, arrows=arrows, notes=notes, averages=means)
 
 
 def _notes_on(cells: list[str]) -> list[str]:
@@ -477,24 +479,17 @@ def _guessed(path: Path, table: _Table, kept: list[_Column]) -> str:
 
 def _merged(path: Path, parts: list[Rows]) -> Rows:
     """Return the rows of several tables of one file, with the metrics of one cell in one row."""
-    cells: dict[tuple[str, ...], dict[str, object]] = {}
-    places: dict[tuple[str, ...], int] = {}
+    cells: _Cells = {}
     for part in parts:
         keys = [part.columns.get(name) or [None] * len(part) for name in ("scene", "method", "seed")]
-        (_, _, numbers), names = part.stretches[0], [name for name in part.columns if name not in ("scene", "method")]
+        names = [name for name in part.columns if name not in ("scene", "method")]
         for row, key in enumerate(zip(*keys, strict=True)):
             same = tuple(" ".join(str(name).split()).casefold() for name in key)
-            cell = cells.setdefault(same, {"scene": key[0], "method": key[1]})
+            _, cell = cells.setdefault(same, (part.places[row][2], {"scene": key[0], "method": key[1]}))
             for name in names:
                 if cell.get(name) not in (None, part.columns[name][row]):
                     raise InputError(f"{part.where(row)}: repeats {name} of {key[1]} on {key[0]}, of a table before it")
                 cell[name] = part.columns[name][row]
-            places.setdefault(same, numbers[row])
-    by_kind = _by_kind(cells.values())
     arrows = {arrow for part in parts for arrow in part.arrows}
     notes = list(dict.fromkeys(note for part in parts for note in part.notes))
-    averages = tuple(dict.fromkeys(name for part in parts for name in part.averages))
-    return rows_of(
-        path, by_kind, list(by_kind.values()), "line", list(places.values()),
-        arrows=arrows, notes=notes, averages=averages,
-    )  # fmt: skip
+    return _of_cells(path, [], cells, arrows, notes, (name for part in parts for name in part.averages))

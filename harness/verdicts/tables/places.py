@@ -24,13 +24,11 @@ GENERAL = re.compile(r"(?:results?|metrics?|stats?|eval|test|val|scores?|summary
 
 @dataclass(frozen=True)
 class ResultPlace:
+    """What the folders of a file say; nothing for a file that is given by itself."""
+
     method: str = ""
     scene: str = ""
     seed: str | None = None
-
-
-NOWHERE = ResultPlace()
-"""The place of a file that is given by itself."""
 
 
 def places_below(folder: Path, is_one_of_several: bool) -> dict[Path, ResultPlace]:

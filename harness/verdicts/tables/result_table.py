@@ -81,7 +81,7 @@ def table_of(
     rows: Rows, metric: str | None = None, lower: Sequence[str] = (), methods: Sequence[str] = ()
 ) -> ResultTable:
     """Return one metric of `rows`, as `read_table` does for files; only of the named `methods` if there are any."""
-    source = rows.stretches[0][0]
+    source = rows.source
     metrics = [name for name in rows.columns if name not in KEYS and is_column_of_numbers(rows.columns[name])]
     chosen = _choose(rows, metrics, metric)
     if unknown := [name for name in lower if name.lower() not in rows.columns]:
@@ -93,12 +93,13 @@ def table_of(
     averages, of_methods = _averages(scenes, values), _averages(names, values.swapaxes(0, 1), by_value=False)
     kept_scenes = [k for k in range(len(scenes)) if k not in averages and np.isfinite(values[:, k]).any()]
     there = np.isfinite(values[:, kept_scenes]).any(axis=(1, 2))
-    asked = range(len(names)) if not methods else [_place(name, names) for name in dict.fromkeys(methods)]
+    if unknown := [name for name in methods if name not in names]:
+        raise InputError(f"--methods {unknown[0]}: no such method; methods of the table: {', '.join(names)}")
+    asked = [names.index(name) for name in dict.fromkeys(methods)] or [*range(len(names))]
     kept = [k for k in asked if there[k] and k not in of_methods]
-    lacking = ", ".join(names[k] for k in asked if not there[k])
-    without = [name for k, name in enumerate(scenes) if not np.isfinite(values[:, k]).any()]
-    lacking = ", ".join(filter(None, [lacking, *without]))
-    notes = [f"Without any result, left out: {lacking}."] if lacking else []
+    lacking = [names[k] for k in asked if not there[k]]
+    lacking += [name for k, name in enumerate(scenes) if not np.isfinite(values[:, k]).any()]
+    notes = [f"Without any result, left out: {', '.join(lacking)}."] if lacking else []
     if len(kept) < 2:
         many = f"{len(kept)} method{'s' * (len(kept) != 1)}"
         raise InputError(f"{source}: has {many} with results; a comparison needs two: add those of others")
@@ -141,18 +142,17 @@ def table_of(
 def _shared_cells(rows: Rows, of_rows: Sequence["_Encoded"]) -> list[str]:
     """Name the methods whose results on one scene come from several files: they may be two methods."""
     method, scene, _ = of_rows
-    files: dict[tuple[int, int], dict[str, None]] = {}
-    for cell, file in zip(zip(method.codes.tolist(), scene.codes.tolist(), strict=True), rows.files(), strict=True):
-        files.setdefault(cell, {})[str(file)] = None
+    files: dict[tuple[int, ...], dict[str, None]] = {}
+    for *cell, (file, _, _) in zip(method.codes.tolist(), scene.codes.tolist(), rows.places, strict=True):
+        files.setdefault(tuple(cell), {})[str(file)] = None
     several = {method.names[cell[0]]: " and ".join(paths) for cell, paths in files.items() if len(paths) > 1}
     return [f"{name}: the results in {where} are taken as those of one method." for name, where in several.items()]
 
 
 def _origin(rows: Rows, of_method: list[int]) -> str:
     parts: list[str] = []
-    files = rows.files()
-    if len({*files}) > 1:
-        parts += dict.fromkeys(files[row].name for row in of_method)
+    if len({path for path, _, _ in rows.places}) > 1:
+        parts += dict.fromkeys(rows.places[row][0].name for row in of_method)
     for name in (column for column in ORIGINS if column in rows.columns):
         values = dict.fromkeys(str(v) for row in of_method if not is_missing(v := rows.columns[name][row]))
         shown = ", ".join(values) if len(values) <= MOST_ORIGINS else f"{len(values)} different"
@@ -160,17 +160,9 @@ def _origin(rows: Rows, of_method: list[int]) -> str:
     return "; ".join(parts)
 
 
-def _place(method: str, names: list[str]) -> int:
-    if method not in names:
-        raise InputError(f"--methods {method}: no such method; methods of the table: {', '.join(names)}")
-    return names.index(method)
-
-
 def _values(rows: Rows, chosen: str, of_rows: Sequence["_Encoded"]) -> np.ndarray:
-    """Return the scores [methods, scenes, seeds], NaN for a missing one; raises `InputError` for repeated cells, for
-    impossible scores and for scores of one scene that were made differently.
-    """
-    source = rows.stretches[0][0]
+    """Return the scores [methods, scenes, seeds], NaN for a missing one."""
+    source = rows.source
     shape = tuple(len(encoded.names) for encoded in of_rows)
     if shape[0] > MOST_METHODS:
         raise InputError(f"{source}: {shape[0]} methods are more than the {MOST_METHODS} that are compared in pairs")
@@ -183,7 +175,12 @@ def _values(rows: Rows, chosen: str, of_rows: Sequence["_Encoded"]) -> np.ndarra
     _refuse_duplicates(flat, rows)
     _refuse_other_protocols(rows, of_rows[1])
     scores = _numbers(rows, chosen)
-    _refuse_impossible(rows, chosen, scores)
+    low, high = possible_range(chosen)
+    if (wrong := np.flatnonzero((scores < low) | (scores > high))).size:
+        raise InputError(
+            f"{rows.where(int(wrong[0]))}: {chosen} is {scores[wrong[0]]:g}, but lies between {low:g} and {high:g} for "
+            "any two images; correct it, or give the column another name"
+        )
     values = np.full(shape, np.nan)
     values.ravel()[flat] = scores
     return values
@@ -224,7 +221,7 @@ def _choose(rows: Rows, metrics: list[str], metric: str | None) -> str:
         return PRIMARY
     metrics = [name for name in metrics if name and not is_aside(name)]
     if not metrics:
-        source = rows.stretches[0][0]
+        source = rows.source
         raise InputError(f"{source}: has no column of numbers other than {', '.join(KEYS)}: nothing to judge")
     # a name that holds it, if not that of training views
     return next((name for name in metrics if PRIMARY in name and "train" not in name), metrics[0])
@@ -308,17 +305,6 @@ def _numbers(rows: Rows, name: str) -> np.ndarray:
     return np.array(numbers, dtype=np.float64)
 
 
-def _refuse_impossible(rows: Rows, name: str, scores: np.ndarray) -> None:
-    low, high = possible_range(name)
-    wrong = np.flatnonzero((scores < low) | (scores > high))
-    if wrong.size:
-        first = int(wrong[0])
-        raise InputError(
-            f"{rows.where(first)}: {name} is {scores[first]:g}, but lies between {low:g} and {high:g} for any two "
-            "images; correct it, or give the column another name"
-        )
-
-
 def scene_means(values: np.ndarray) -> np.ndarray:
     """Return the means [methods, scenes] over the known seeds of [methods, scenes, seeds]; NaN without a seed."""
     there = np.isfinite(values)
@@ -350,8 +336,7 @@ def _refuse_duplicates(flat: np.ndarray, rows: Rows) -> None:
         remedy = "delete one" if seeded else "give repetitions a column seed, or delete one"
         texts = {name: [str(values[row]) for row in (first, second)] for name, values in rows.columns.items()}
         differing = [name for name, (one, other) in texts.items() if one != other and not _is_score(rows, name)]
-        files = rows.files()
-        if files[first] != files[second]:
+        if rows.places[first][0] != rows.places[second][0]:
             remedy = "keep one of the files, or put each run into a folder seed_1, seed_2, …"
         elif differing:
             one, other = texts[differing[0]]

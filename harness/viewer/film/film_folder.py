@@ -10,24 +10,21 @@ import os
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from harness.records.json_record import load_record, write_record
 from harness.run_folder.folder_lock import LOCK_FILE
 from harness.run_folder.integrity import DAMAGED, quarantine
 from harness.run_folder.output_folder import differences
 from harness.viewer.film.frames import LISTING
+from harness.viewer.film.takes import FilmSpec
 from scenes.files.atomic import remove_leftovers
 from scenes.files.errors import InputError
-
-if TYPE_CHECKING:
-    from harness.viewer.film.takes import FilmSpec
 
 RECORD = "film.json"
 SIDE_BY_SIDE = "side_by_side"
 
 
-def claim(folder: Path, spec: "FilmSpec", out: Path, say: Callable[[str], None]) -> None:
+def claim(folder: Path, spec: FilmSpec, out: Path, say: Callable[[str], None]) -> None:
     """Write the film's record into the folder, which this process has locked. A resumed film may get further scenes
     and methods; all other settings must be the same. A lost record is reported and written again, as `frames.json`
     names the view of each frame.

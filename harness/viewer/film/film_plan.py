@@ -45,19 +45,17 @@ class FilmPlan:
     """Map method → the seconds of rendering a frame, for methods with frames to render."""
 
     def lines(self) -> list[str]:
-        lens, frames = self.parts[0].take.cameras[0], sorted({len(part.keys) for part in self.parts})
-        count = missing = cached = pixels = 0
-        cost = 0.0
-        for part in self.parts:
-            camera = part.take.cameras[0]
-            count, missing, cached = count + len(part.keys), missing + len(part.missing), cached + part.cached
-            pixels += camera.width * camera.height * len(part.missing)
-            cost += self.seconds.get(part.method, 0.0) * (len(part.missing) - part.cached)
+        parts, lens = self.parts, self.parts[0].take.cameras[0]
+        frames = sorted({len(part.keys) for part in parts})
+        count, cached = sum(len(part.keys) for part in parts), sum(part.cached for part in parts)
+        missing = sum(len(part.missing) for part in parts)
+        pixels = sum(part.take.cameras[0].width * part.take.cameras[0].height * len(part.missing) for part in parts)
+        cost = sum(self.seconds.get(part.method, 0.0) * (len(part.missing) - part.cached) for part in parts)
         measured = ", ".join(f"{method} {1e3 * spent:.0f} ms" for method, spent in self.seconds.items())
         return [
             f"film: {self.spec.path}, {' or '.join(map(str, frames))} frames of {lens.width} × {lens.height} pixels",
-            f"  scenes   {' '.join(dict.fromkeys(part.take.scene.name for part in self.parts))}",
-            f"  methods  {' '.join(dict.fromkeys(part.method for part in self.parts))}, seed {self.spec.seed}",
+            f"  scenes   {' '.join(dict.fromkeys(part.take.scene.name for part in parts))}",
+            f"  methods  {' '.join(dict.fromkeys(part.method for part in parts))}, seed {self.spec.seed}",
             f"  folder   {self.folder}",
             f"  frames   {count}: {count - missing} there, {cached} in the view cache, {missing - cached} to render",
             f"  estimated cost: {cost:.1f} s of rendering{f' ({measured} per frame)' if measured else ''}, "

@@ -13,10 +13,6 @@ EVEN = "pad=ceil(iw/2)*2:ceil(ih/2)*2"
 """H.264 halves the resolution of colour, so that both sides must be even."""
 
 
-class _Failed(Exception):
-    """ffmpeg ended with an error."""
-
-
 def ffmpeg() -> str | None:
     if program := shutil.which("ffmpeg"):
         return program
@@ -35,7 +31,7 @@ def write_video(program: str, file: Path, frames: Path, fps: int) -> str:
             call = [program, "-loglevel", "error", "-y", *options, "-pix_fmt", "yuv420p", str(temporary)]
             done = subprocess.run(call, cwd=frames, capture_output=True, text=True, stdin=subprocess.DEVNULL)
             if done.returncode:
-                raise _Failed((done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1])
-    except (_Failed, OSError) as error:
+                raise OSError((done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1])
+    except OSError as error:
         return f"{file}: {program} could not write it ({error}); the WebP has the same frames"
     return f"{file}: {file.stat().st_size / 1e3:.0f} kB, H.264, with the errors of a codec"

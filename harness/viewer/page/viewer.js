@@ -228,9 +228,9 @@ function label() {
 }
 
 function showPanels() {
+  const shown = page.listing.methods.filter(({ name }) => page.methods.includes(name))
   for (const name of [...panels.keys()]) if (!page.methods.includes(name)) panels.delete(name)
-  for (const { name, about } of page.listing.methods) {
-    if (!page.methods.includes(name)) continue
+  for (const { name, about } of shown) {
     if (!panels.has(name)) {
       panels.set(name, new Panel(name, about))
       movable(panels.get(name))
@@ -239,9 +239,8 @@ function showPanels() {
     panel.say('mean', decibels(cell.psnr))
     panel.figures.mean.title = `${cell.weights} weights, ${cell.train_seconds?.toFixed(0)} s of training`
   }
-  const ordered = page.listing.methods.filter(({ name }) => panels.has(name)).map(({ name }) => panels.get(name).root)
   const focused = $('panels').contains(document.activeElement) ? document.activeElement : null
-  $('panels').replaceChildren(...ordered, truth.root)
+  $('panels').replaceChildren(...shown.map(({ name }) => panels.get(name).root), truth.root)
   if (focused) (focused.isConnected ? focused : $('panels').querySelector('canvas')).focus({ preventScroll: true })
   $('panels').classList.toggle('two', panels.size < 2)
   label()

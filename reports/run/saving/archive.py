@@ -39,7 +39,6 @@ def unpack(path: Path, out: Path) -> None:
 
 
 def _write_trimmed(records: Records, out: Path) -> None:
-    every = [*records.cells, *records.extra_cells, *records.guest_cells]
     cells = []
     for scene in records.scenes:
         seed = seed_shown(records, scene)
@@ -48,7 +47,7 @@ def _write_trimmed(records: Records, out: Path) -> None:
         if view is not None and (truth := saved.truth.get(view)) is not None:
             path = records_folder(out) / truth_pictures(scene)
             write_truth(path, [Truth(view, truth.display, truth.opacity)])
-        for cell in (cell for cell in every if cell.scene == scene):
+        for cell in (cell for cell in records.every_cell if cell.scene == scene):
             render = None if view is None or cell.seed != seed else last_render(saved, cell, view)
             pictures = None
             if render is not None:

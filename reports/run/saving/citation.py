@@ -13,8 +13,7 @@ SPECIAL = re.compile(r"[\\{}$&#%_^~]")
 
 def records_digest(records: Records) -> str:
     """Return 64 hexadecimal digits that depend on every cell of the run, but not on their order."""
-    cells = (*records.cells, *records.extra_cells, *records.guest_cells)
-    return digest_of(dict(sorted(digests_of(cells).items())))
+    return digest_of(dict(sorted(digests_of(records.every_cell).items())))
 
 
 def bibtex(records: Records) -> str:

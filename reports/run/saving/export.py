@@ -16,7 +16,7 @@ from reports.claims.psnr_table import differences_grids, scores_grid
 from reports.claims.table import chapters
 from reports.data.load import Records
 from reports.data.scale import in_a_line
-from reports.data.shelf_records import NO_SHELVES, ShelfRecords
+from reports.data.studies_load import NO_SHELVES, ShelfRecords
 from reports.drawing.figure import STYLE, draw
 from reports.drawing.traces import Panel
 from reports.page.grid import Grid
@@ -105,7 +105,6 @@ def write_export(records: Records, path: Path, shelves: ShelfRecords = NO_SHELVE
 
 
 def _free(title: str, taken: set[str]) -> str:
-    """Return a file name for a title that is not taken, and add it to the taken names."""
     plain = re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")[:LONGEST_NAME] or "table"
     names = (plain, *(f"{plain}-{place}" for place in range(2, 1000)))
     name = next(name for name in names if name not in taken)

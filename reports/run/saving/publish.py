@@ -20,7 +20,7 @@ from reports.claims.ledger import not_tested
 from reports.claims.psnr_table import tone_of
 from reports.data.load import Records
 from reports.data.saved_pictures import kept
-from reports.data.shelf_records import NO_SHELVES, ShelfRecords
+from reports.data.studies_load import NO_SHELVES, ShelfRecords
 from reports.data.table import cells_frame
 from reports.drawing.figure import STYLE
 from reports.drawing.images import save
@@ -55,7 +55,7 @@ def summary(records: Records, shelves: ShelfRecords = NO_SHELVES) -> dict[str, o
             {"scene": scene.name, **{name: getattr(scene, name) for name in ABOUT_SCENE}} for scene in run.scenes
         ],
         "last_doubling": [asdict(row) for row in last_doublings(records.cells, records.methods)],
-        "cells": [_cell(cell) for cell in (*records.cells, *records.extra_cells, *records.guest_cells)],
+        "cells": [_cell(cell) for cell in records.every_cell],
         "comparisons": [plain(comparison) for comparison in (*records.comparisons, *records.extra_comparisons)],
         "failures": asdict(failures_of(records)),
         "claims": [{name: getattr(claim, name) for name in CLAIM} for claim in ledger],
@@ -102,7 +102,9 @@ def write_published(records: Records, folder: Path, shelves: ShelfRecords = NO_S
     errors = [panel for diagram in over_time if diagram.name == "rmse_linear-seconds" for panel in diagram.panels]
     # wall time and processor time, side by side if both are known
     everywhere = [replace(diagram.panels[0], title=diagram.measure.label) for diagram in over_time]
-    key = key_of_methods(records)
+    colours = colours_of(records.methods)
+    key: Key = {name: {"marker": "o", "linestyle": " ", "color": colours[name].light} for name in records.methods}
+    key |= {"a seed that did not finish": CROSS} if records.failed else {}
     for name, drawings, across, size in (
         ("psnr", [(psnr_dots(records), key)], 1, None),
         ("error_vs_time", [(panel, key) for panel in errors if panel.title != EVERYWHERE], 4, (2.5, 2.1)),
@@ -123,14 +125,7 @@ def without_folders(command: str) -> str:
     return shlex.join(words)
 
 
-def key_of_methods(records: Records) -> Key:
-    colours = colours_of(records.methods)
-    key: Key = {name: {"marker": "o", "linestyle": " ", "color": colours[name].light} for name in records.methods}
-    return key | ({"a seed that did not finish": CROSS} if records.failed else {})
-
-
 def psnr_dots(records: Records) -> Panel:
-    """Draw a row per scene, a dot for each seed and a bar at their mean; unfinished cells are a cross to the left."""
     frame = cells_frame(records)
     done = frame[(frame["status"] == "done") & frame["psnr"].notna()]
     lowest = float(done["psnr"].min()) if len(done) else 0.0

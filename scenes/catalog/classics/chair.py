@@ -72,7 +72,6 @@ def along(path: np.ndarray, solid: Solid) -> Solid:
 
 
 def carved_back() -> Solid:
-    """Make the back: moulded frame, beads along it, a shell on the crest."""
     outline = np.c_[back_outline(), np.zeros(96)]
     rim = outline * [1.06, 1.05, 1]
     frame = [tube(rim, 0.042, 10, closed=True), tube(outline + np.array([0, 0, 0.03]), 0.018, 8, closed=True)]

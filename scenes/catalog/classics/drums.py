@@ -123,7 +123,6 @@ def bass_drum() -> Parts:
 
 
 def rack_toms() -> Parts:
-    """Two rack toms, tilted to the player, on a post and L-arms from the bass drum."""
     toms = [
         placed(drum(r, d, 6, "shell", "frosted", "clear"), pose((0.10, s * 0.245, 0.31), 24, 180 + s * 12))
         for s, r, d in ((1, 0.185, 0.22), (-1, 0.205, 0.25))
@@ -162,8 +161,7 @@ def sparkle(pixels: int = 256) -> np.ndarray:
     rng = np.random.default_rng(5)
     flakes = rng.random((pixels, pixels, 1)) ** 6
     colour = np.array(surfaces.srgb("#b01020")) * (0.8 + 0.4 * rng.random((pixels, pixels, 1)))
-    lacquer: np.ndarray = np.clip(colour + flakes * np.array([0.55, 0.2, 0.12]), 0, 1)
-    return lacquer
+    return np.asarray(np.clip(colour + flakes * np.array([0.55, 0.2, 0.12]), 0, 1))
 
 
 MATERIALS: dict[str, Description] = {

@@ -117,14 +117,12 @@ def wander(
 
 
 def unit(vector: np.ndarray) -> np.ndarray:
-    scaled: np.ndarray = vector / np.linalg.norm(vector)
-    return scaled
+    return np.asarray(vector / np.linalg.norm(vector))
 
 
 def sideways(along: np.ndarray, angle: float) -> np.ndarray:
     first = unit(np.cross(along, np.eye(3)[np.argmin(np.abs(along))]))
-    turned: np.ndarray = np.cos(angle) * first + np.sin(angle) * np.cross(along, first)
-    return turned
+    return np.asarray(np.cos(angle) * first + np.sin(angle) * np.cross(along, first))
 
 
 def leaf_at(random: np.random.Generator, point: np.ndarray, twig: np.ndarray, around: float, tip: bool) -> Solid:

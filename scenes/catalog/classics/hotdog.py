@@ -106,8 +106,7 @@ def bread() -> np.ndarray:
     pale = 1 / (1 + np.exp(-(from_top - 0.72) / 0.06))
     crust = surfaces.mixed((0.60, 0.27, 0.075), (0.80, 0.48, 0.18), 0.8 * surfaces.mottle(4, rows, columns, 1.3))
     crust = crust + pale[..., None] * (np.array((0.80, 0.56, 0.28)) - crust)
-    bread: np.ndarray = crust + crumb[..., None] * (np.array((0.86, 0.68, 0.42)) - crust)
-    return bread
+    return np.asarray(crust + crumb[..., None] * (np.array((0.86, 0.68, 0.42)) - crust))
 
 
 def skin() -> np.ndarray:

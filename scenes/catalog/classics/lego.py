@@ -76,7 +76,6 @@ def beam(holes: int) -> Solid:
 
 
 def track() -> Parts:
-    """The left track: a belt of cleated links round two wheels, rollers, a pierced frame beam."""
     rear, front, middle, radius, height = -4.6, 3.4, 3.6, 1.35, 1.62
     straight = front - rear
     turn = np.pi * radius
@@ -108,7 +107,6 @@ def chassis() -> Parts:
 
 
 def engine() -> Parts:
-    """The hood of staggered bricks, slatted grille, lamps, exhaust and air filter."""
     hood = [wall(0, -2, 2.1, [2, 3], 4), wall(0, -2, 3.3, [3, 2], 4)]
     top = [brick(0, -2, 4.5, 3, 2, PLATE), brick(0, 0, 4.5, 3, 2, PLATE)]
     nose = prism([(3, 4.5), (5, 4.5), (5, 4.6), (3, 4.9)], -2 + GAP, 2 - GAP)
@@ -128,7 +126,6 @@ def engine() -> Parts:
 
 
 def cab() -> Parts:
-    """Four thin pillars, a studded roof with a beacon, seat, levers and a driver at the wheel."""
     pillars = [box(0.28, 0.28, 3.8).moved(x, y, 4.9) for x in (-3.8, -0.2) for y in (-1.84, 1.84)]
     rails = [rod((-3.8, y, 4.6), (-0.2, y, 4.6), 0.09, 10) for y in (-1.84, 1.84)]
     roof = [brick(-4, -2, 6.8, 4, 4, PLATE), brick(-4, -3, 6.8, 4, 1, PLATE), brick(-4, 2, 6.8, 4, 1, PLATE)]

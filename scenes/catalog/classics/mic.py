@@ -38,7 +38,6 @@ def grille(wires: int = 28, wire: float = 0.0085) -> Solid:
 
 
 def head() -> Parts:
-    """The head: foam under the wires, a crown cap, ribs, an equator band between two ridges, riveted."""
     polar = np.linspace(0.0, 1.0, 60)[::-1]
     foam = lathe([(x, z) for x, _, z in head_surface(polar, np.zeros(60), -0.05)], 48)
     outer = RADIUS + 0.018
@@ -54,7 +53,6 @@ def head() -> Parts:
 
 
 def handle() -> Parts:
-    """The handle: collar, tapering lacquered barrel with a switch and a grooved grip, end ring, plug."""
     waist = [(0.12, -0.09), (0.175, -0.09), (0.19, -0.07), (0.19, -0.03), (0.175, -0.01), (0.19, 0.01)]
     collar = lathe([*waist, (0.26, 0.07), (0.27, 0.085), (0.26, 0.10), (0.18, 0.10)], 64)
     barrel = [(0.09, -0.74), (0.105, -0.73)]
@@ -80,7 +78,6 @@ def on_axis(along: float, below: float = 0.0) -> np.ndarray:
 
 
 def clip() -> Parts:
-    """A clamp round the barrel, its screw, and the hinge that the arm holds."""
     at = NECK - 0.34
     ring = lathe([(0.135, -0.05), (0.158, -0.05), (0.158, 0.05), (0.142, 0.05), (0.135, -0.05)], 48).moved(z=at)
     lug = box(0.09, 0.05, 0.08).moved(0.185, 0, at)

@@ -82,8 +82,7 @@ def seabed() -> Solid:
 def sand() -> np.ndarray:
     grain = surfaces.mixed((0.08, 0.18, 0.19), (0.36, 0.37, 0.27), surfaces.mottle(21, 256, 256, 1.3))
     weed = 1 / (1 + np.exp(-(surfaces.mottle(22, 256, 256, 1.9) - 0.68) / 0.02))
-    bed: np.ndarray = grain + weed[..., None] * (np.array((0.018, 0.05, 0.035)) - grain)
-    return bed
+    return np.asarray(grain + weed[..., None] * (np.array((0.018, 0.05, 0.035)) - grain))
 
 
 SCENE = Scene(

@@ -24,15 +24,13 @@ TAR, OCHRE, DECK = (0.035, 0.03, 0.028), (0.62, 0.42, 0.13), (0.42, 0.29, 0.16)
 
 def sheer(x: np.ndarray) -> np.ndarray:
     """Return the height of the smooth line along the side, above which the bulwark steps up with the decks."""
-    height: np.ndarray = WATER + 0.105 + np.where(x < 0, 0.26, 0.16) * x**2
-    return height
+    return np.asarray(WATER + 0.105 + np.where(x < 0, 0.26, 0.16) * x**2)
 
 
 def deck(x: np.ndarray) -> np.ndarray:
     """Return the height of the deck: waist, forecastle ahead, quarterdeck and poop aft."""
     forecastle, quarterdeck, poop = STEPS
-    height: np.ndarray = sheer(x) - 0.02 + 0.05 * (x > forecastle) + 0.06 * (x < quarterdeck) + 0.055 * (x < poop)
-    return height
+    return np.asarray(sheer(x) - 0.02 + 0.05 * (x > forecastle) + 0.06 * (x < quarterdeck) + 0.055 * (x < poop))
 
 
 def half_breadth(x: np.ndarray) -> np.ndarray:
@@ -102,8 +100,7 @@ def planks() -> np.ndarray:
 
 def on_side(x: float, t: float, starboard: bool) -> np.ndarray:
     point = side(np.array([x]), np.array([t]))[0, 0]
-    placed: np.ndarray = point * np.array([1, 1 if starboard else -1, 1])
-    return placed
+    return np.asarray(point * np.array([1, 1 if starboard else -1, 1]))
 
 
 def fittings() -> Solid:
@@ -134,8 +131,7 @@ def anchor(starboard: bool) -> list[Solid]:
 
 def channel(x: float, starboard: bool) -> np.ndarray:
     """A channel, where the shrouds of a mast meet the side; they pull aft."""
-    outside: np.ndarray = on_side(x - 0.05, SHEER, starboard) * np.array([1, 1.1, 1])
-    return outside
+    return np.asarray(on_side(x - 0.05, SHEER, starboard) * np.array([1, 1.1, 1]))
 
 
 def gilding() -> Solid:

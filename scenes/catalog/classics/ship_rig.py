@@ -72,7 +72,6 @@ def sail(corners: np.ndarray, belly: np.ndarray) -> Solid:
 
 
 def sails() -> tuple[Solid, Solid]:
-    """The sails that are set, and those furled on their yards."""
     spread, furled = [], []
     for mast in MASTS:
         for yard in range(len(mast.yards)):
@@ -97,8 +96,7 @@ def sails() -> tuple[Solid, Solid]:
 
 
 def narrowed(ends: np.ndarray, share: float) -> np.ndarray:
-    nearer: np.ndarray = ends.mean(axis=0) + share * (ends - ends.mean(axis=0))
-    return nearer
+    return np.asarray(ends.mean(axis=0) + share * (ends - ends.mean(axis=0)))
 
 
 def bundle(ends: np.ndarray, seed: int) -> Solid:

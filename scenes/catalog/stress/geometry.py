@@ -72,5 +72,4 @@ def _texture(pixels: Numbers, u: Numbers, v: Numbers) -> Numbers:
     height, width = pixels.shape[:2]
     row = np.clip((v * height).astype(int), 0, height - 1)
     column = np.clip((u * width).astype(int), 0, width - 1)
-    seen: Numbers = pixels[row, column].astype(np.float64)
-    return seen
+    return np.asarray(pixels[row, column], dtype=np.float64)

@@ -13,7 +13,6 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from scenes.files.errors import InputError, short, shown
@@ -83,7 +82,9 @@ def read_colmap(path: Path, sparse: Path) -> Source:
     poses, rounded = rigid(
         np.array([image.camera_to_world for image in posed]), [f"{tables['images']}: {shown(name)}" for name in names]
     )
-    depths = np.concatenate([_depths(points, pose) for pose in poses]) if len(points) >= LEAST_POINTS else np.zeros(0)
+    depths = np.zeros(0)  # in front of a camera, or negative behind it
+    if len(points) >= LEAST_POINTS:
+        depths = np.concatenate([(pose[:3, 3] - points) @ pose[:3, 2] for pose in poses])
     of_file = dict(zip(files, (lenses[image.camera] for image in posed), strict=True))
     if len(of_file) < len(files):
         again = next(file for number, file in enumerate(files) if file in files[:number])
@@ -149,11 +150,6 @@ def _capture(
         bounds_assumed=True,
         unbounded=unbounded,
     )
-
-
-def _depths(points: NDArray[np.float64], camera_to_world: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the depths of points [n, 3] in front of a camera; those behind it are negative."""
-    return (camera_to_world[:3, 3] - points) @ camera_to_world[:3, 2]
 
 
 def _around(points: np.ndarray) -> tuple[float, ...] | None:

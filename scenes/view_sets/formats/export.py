@@ -22,10 +22,9 @@ from scenes.view_sets.viewpoints import SPLITS
 
 
 def export(path: Path, form: str, out: Path) -> list[str]:
-    """Write the view set at `path` to `out`, a new folder, or a new file for `npz`. Returns notes for its reader.
-
-    Raises `InputError` for an unreadable or damaged view set, an `out` that exists or cannot be written, and too many
-    images for one `.npz`. After a failure nothing is left: the output is written under a temporary name, then renamed.
+    """Write the view set at `path` to `out`, a new folder, or a new file for `npz`; return notes for its reader. Raises
+    `InputError` for an unreadable or damaged view set, an `out` that exists or cannot be written, and too many images
+    for one `.npz`; nothing is left then.
     """
     if os.path.lexists(out):
         raise InputError(f"--out {out}: exists already; name a new {'file' if form == 'npz' else 'folder'}")

@@ -130,9 +130,7 @@ def read_tiny_nerf(file: Path) -> Source:
 def write_tiny_nerf(
     file: Path, rgba: Iterable[np.ndarray], camera_to_world: np.ndarray, focal: float, train: int, region: Region
 ) -> None:
-    """Write `rgba`, straight images [h, w, 4], one per pose [n, 4, 4], the `train` training views first. Colour is
-    written over black, which the notebook's renderer shows in empty space.
-    """
+    """Write straight images [h, w, 4], `train` training views first, over black as the notebook renders them."""
     pairs = [(image[..., :3] * image[..., 3:], image[..., 3]) for image in rgba]
     arrays = {} if region.bounds is None else {"bounds": np.array(region.bounds)}
     arrays |= {
@@ -220,9 +218,7 @@ def read_blender(folder: Path) -> Source:
 
 
 def source_of(path: Path) -> Source:
-    """Return the reader for a folder in the Blender format, a folder with `transforms.json` or with a reconstruction of
-    COLMAP or LLFF, or a tiny-NeRF file. Raises `InputError` for any other path, and for invalid contents.
-    """
+    """Return the reader of a path (`KNOWN`); raises `InputError` for any other path, and for invalid contents."""
     if path.is_dir():
         if any(transforms_file(path, split).exists() for split in ("train", "test")):
             return read_blender(path)

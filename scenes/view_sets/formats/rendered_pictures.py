@@ -35,9 +35,9 @@ def pictures_in(folder: Path) -> list[Path]:
 
 
 def of_views(files: Sequence[Path], names: Sequence[str]) -> list[Path]:
-    """Return the picture of each view: by its name, or else by number if the counts of pictures and views are equal.
+    """Return the picture of each view: by the last part of its name, or else by number if there are equally many.
 
-    Of `names` such as `test/r_0` the last part counts. Raises `InputError` for a view without a picture, or with two.
+    Raises `InputError` for a view without a picture, or with two.
     """
     if twice := [stem for stem, many in Counter(file.stem for file in files).items() if many > 1]:
         raise InputError(f"{files[0].parent}: has two pictures called {twice[0]}; keep one")
@@ -56,9 +56,8 @@ def of_views(files: Sequence[Path], names: Sequence[str]) -> list[Path]:
 
 
 def read_picture(file: Path, width: int) -> np.ndarray:
-    """Read display colour, float32 [h, width, 3], or [h, width, 4] with straight alpha, averaging areas.
-
-    Raises `InputError` for anything but colour, for a picture that is narrower, and as `display_image` does.
+    """Read display colour, float32 [h, width, 3], or with straight alpha [h, width, 4], averaging areas. Raises
+    `InputError` for anything but colour, for a picture that is narrower, and as `display_image`.
     """
     pixels = display_image(file)
     if pixels.shape[2] not in (3, 4):

@@ -266,9 +266,7 @@ def smaller_copies(folder: Path) -> list[Path]:
 
 
 def _in_other_case(candidates: list[Path]) -> Path | None:
-    """Return the only file next to the candidates that has the name of a candidate, apart from case and from how an
-    accent is encoded.
-    """
+    """Return the only file next to the candidates that has one's name apart from case and encoding of accents."""
     names = {unicodedata.normalize("NFC", candidate.name).lower() for candidate in candidates}
     folder = candidates[0].parent
     neighbours = folder.iterdir() if folder.is_dir() else ()
@@ -301,14 +299,11 @@ def _lens(camera: Camera, image: Path, where: str) -> tuple[Lens | None, list[st
     if not any(values.values()) and (camera.fl_x, camera.cx, camera.cy, camera.camera_angle_y) == (None,) * 4:
         return None, []
     width, height = round(camera.w or header(image).width), round(camera.h or header(image).height)
-    by_angle = None if angle is None else 0.5 * width / math.tan(angle / 2)
-    fx = camera.fl_x if camera.fl_x is not None else by_angle
-    assert fx is not None
-    values |= {"fx": fx, "fy": camera.fl_y if camera.fl_y is not None else fx}
-    values |= {"cx": width / 2 if camera.cx is None else camera.cx}
-    values |= {"cy": height / 2 if camera.cy is None else camera.cy}
-    notes = _redundant(camera, (fx, values["fy"]), (width, height), where)
-    return Lens.of(model, width, height, values), notes
+    fx = camera.fl_x or 0.5 * width / math.tan((angle or math.pi) / 2)  # one of them is given
+    fy = camera.fl_y or fx
+    cx, cy = (size / 2 if axis is None else axis for size, axis in ((width, camera.cx), (height, camera.cy)))
+    lens = Lens.of(model, width, height, values | {"fx": fx, "fy": fy, "cx": cx, "cy": cy})
+    return lens, _redundant(camera, (fx, fy), (width, height), where)
 
 
 def _model(camera: Camera, where: str) -> str:

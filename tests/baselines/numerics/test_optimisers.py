@@ -38,8 +38,7 @@ def plain_soap(weight: Tensor, steps: int, rate: float) -> Tensor:
     """Algorithm 3 of the paper with the authors' order of things, for one matrix, with no thought for speed."""
     w = weight.detach().clone()
     m, n = w.shape
-    left, right, first, second = torch.zeros(m, m), torch.zeros(n, n), torch.zeros(m, n), torch.zeros(m, n)
-    left, right, first, second = (t.double() for t in (left, right, first, second))
+    left, right, first, second = (torch.zeros(shape).double() for shape in ((m, m), (n, n), (m, n), (m, n)))
     u = v = torch.zeros(0)
     for t in range(steps):
         g = gradient(w, t)

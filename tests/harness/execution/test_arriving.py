@@ -29,6 +29,8 @@ class OneByOne:
         self.arriving, self.workers = arriving, workers
         self.order: list[tuple[str, int]] = []
         self.at_once: list[int] = []
+        self.rendering: list[int] = []
+        """The workers' places that the renderer has, at each submission."""
         self.running: list[Attempt] = []
 
     @property
@@ -43,6 +45,7 @@ class OneByOne:
         self.order.append((task.scene, task.seed))
         self.running.append(attempt)
         self.at_once.append(len(self.running))
+        self.rendering.append(self.arriving.places)
 
     def poll(self, running: list[Attempt]) -> Iterator[object]:
         if self.expecting:
@@ -59,10 +62,10 @@ class OneByOne:
 
 def rendering(monkeypatch: pytest.MonkeyPatch, *events: RenderProgress | Exception, wait: float = 0.0) -> list[int]:
     """Replace the renderer; return the list that gets its threads."""
-    threads: list[int] = []
+    used: list[int] = []
 
-    def render(*_: object, threads_: list[int] = threads, **options: int) -> Iterator[RenderProgress]:
-        threads_.append(options["threads"])
+    def render(*_: object, threads: int) -> Iterator[RenderProgress]:
+        used.append(threads)
         for event in events:
             time.sleep(wait)
             if isinstance(event, Exception):
@@ -70,7 +73,7 @@ def rendering(monkeypatch: pytest.MonkeyPatch, *events: RenderProgress | Excepti
             yield event
 
     monkeypatch.setattr(ground_truth, "render_view_sets", render)
-    return threads
+    return used
 
 
 def arriving(tmp_path: Path, machine: Machine = TWO) -> Arriving:
@@ -101,14 +104,8 @@ def test_one_worker_waits_for_all_scenes_which_all_cores_render(
     monkeypatch.setattr(ground_truth, "available_cores", lambda: 5)
     threads = rendering(monkeypatch, ready("hotdog"), ready("lego"))
     executor = OneByOne(arriving(tmp_path, Machine("cpu", 1, 1)), 1)
-    began: list[int] = []
-    monkeypatch.setattr(
-        executor,
-        "submit",
-        lambda attempt, task: (began.append(executor.arriving.places), executor.running.append(attempt)),
-    )
     assert len([event for event in run_at(executor, []) if event.share == 1.0]) == 4
-    assert began == [0, 0, 0, 0]
+    assert executor.rendering == [0, 0, 0, 0]
     assert threads == [5]
 
 

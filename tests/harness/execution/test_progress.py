@@ -7,6 +7,7 @@ import pytest
 from harness.execution.progress import SPREAD, Lines, RenderProgress, TimeLeft, span
 from harness.plan.group_task import GroupTask
 from harness.plan.profiles import PROFILES
+from harness.plan.run_plan import Machine
 from tests.harness import cells
 
 Capture = pytest.CaptureFixture[str]
@@ -21,11 +22,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 
 
 def task(tmp_path: Path) -> GroupTask:
-    plan = PROFILES["reduced"]
-    return GroupTask(
-        scene="lego", seed=0, methods=plan.methods[:3], view_set=tmp_path, views=plan.views, train=plan.train,
-        score=plan.score, budget=plan.budget, device="cpu", threads=1, out=tmp_path,
-    )  # fmt: skip
+    return PROFILES["reduced"].tasks({"lego": tmp_path}, Machine("cpu", 1, 1), tmp_path)[0]
 
 
 def test_rendering_says_what_is_left_of_all_scenes(clock: list[float], tmp_path: Path, capsys: Capture) -> None:

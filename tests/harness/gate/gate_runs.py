@@ -2,8 +2,9 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,15 +26,7 @@ GATES = Path(__file__).parents[3] / "gates"
 """The committed limits and references."""
 CENTRE = 25.0
 LIMITED: tuple[Kind, ...] = ("families", "images")
-MODULES: dict[Kind, Any] = dict(
-    zip(get_args(Kind), (early, worse, gate_families, images, fairness, gate_speed), strict=True)
-)
-
-
-def measured_values(kind: Kind) -> dict[str, list[float]]:
-    """Return the measurements of a renewal, for a kind with limits."""
-    generator = np.random.default_rng(1)
-    return {gate.name: (CENTRE + 0.1 * generator.standard_normal(12)).tolist() for gate in gates() if gate.kind == kind}
+MODULES: dict[Kind, Any] = dict(zip(KINDS, (early, worse, gate_families, images, fairness, gate_speed), strict=True))
 
 
 def facts(kind: Kind) -> KindFacts:
@@ -70,7 +63,9 @@ def limits(tmp_path: Path) -> Path:
     file = tmp_path / "gates" / "limits.json"
     stored = LimitsFile()
     for kind in LIMITED:
-        stored = stored.renewed(kind, measured_values(kind), facts(kind))
+        generator, names = np.random.default_rng(1), [gate.name for gate in gates() if gate.kind == kind]
+        values = {name: (CENTRE + 0.1 * generator.standard_normal(12)).tolist() for name in names}
+        stored = stored.renewed(kind, values, facts(kind))
     write_stored(file, stored)
     write_stored(tmp_path / "gates" / REFERENCES_FILE, references())
     return file
@@ -89,16 +84,13 @@ def measuring(monkeypatch: pytest.MonkeyPatch) -> dict[str, tuple[list[float | N
     """Return the changes of sound measurements, gate → its values and the reason, which a test fills."""
     changed: dict[str, tuple[list[float | None], str]] = {}
 
-    def measure(kind: Kind) -> Any:
-        def measured(context: GateContext) -> Iterator[Check]:
-            for name, gate in context.of_kind(kind).items():
-                yield sound(gate, context.limits, *changed.get(name, ()))
-
-        return measured
+    def measured(kind: Kind, context: GateContext) -> Iterator[Check]:
+        for name, gate in context.of_kind(kind).items():
+            yield sound(gate, context.limits, *changed.get(name, ()))
 
     for kind in KINDS:
         answer = getattr(MODULES[kind], "_answer", lambda checks: "")
-        monkeypatch.setattr(MODULES[kind], "measure", complete(kind, answer)(measure(kind)))
+        monkeypatch.setattr(MODULES[kind], "measure", complete(kind, answer)(partial(measured, kind)))
     monkeypatch.setattr(images, "references_for", lambda context: {})
     return changed
 

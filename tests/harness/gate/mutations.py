@@ -35,8 +35,6 @@ Change = Callable[[Any], Any]
 
 @dataclass(frozen=True)
 class Row:
-    """A mutation, and the gates that find it."""
-
     part: str
     constant: str
     to: str
@@ -46,7 +44,6 @@ class Row:
 
 
 def changed(owner: Any, name: str, change: Change) -> Mutation:
-    """Return the mutation that changes an attribute."""
     return lambda patch: patch.setattr(owner, name, change(getattr(owner, name)))
 
 
@@ -67,7 +64,6 @@ def more_at(place: int) -> Change:
 
 
 def more_of(record: Any, name: str) -> Any:
-    """Scale a field of a record."""
     return replace(record, **{name: MORE * getattr(record, name)})
 
 
@@ -80,7 +76,6 @@ def cameras(side: str) -> Mutation:
 
 
 def training(**settings: Any) -> Mutation:
-    """Change settings of the default profile."""
     usual = profiles.PROFILES["reduced"]
     return lambda patch: patch.setitem(profiles.PROFILES, "reduced", replace(usual, train=replace(TRAIN, **settings)))
 

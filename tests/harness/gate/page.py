@@ -30,7 +30,6 @@ def tables() -> dict[str, str]:
 
 
 def spread_table(stored: References) -> str:
-    """Return the table of scatter, limits and detected losses, for rounding and for other seeds."""
     rows: dict[str, list[str]] = {}
     for judge in (usual_judge(stored, scatter) for scatter in COLUMNS):
         over_all, alarms = judge.error(FIGURES["worse.all.psnr"]), judge.alarms
@@ -53,7 +52,6 @@ def spread_table(stored: References) -> str:
 
 
 def renewal(stored: References, limits: LimitsFile) -> str:
-    """Return the table of each renewal's time and commit."""
     facts: dict[str, KindFacts] = dict(stored.kinds.items())
     facts |= {f"speed of {name}": speed.facts for name, speed in stored.speed.items()}
     facts |= dict(limits.kinds.items())
@@ -71,7 +69,6 @@ def slower(stored: References) -> str:
 
 
 def mutation_table(rows: list[dict[str, Any]]) -> str:
-    """Return the table of mutations with the gates that find them."""
     seen = sum(bool(row["found_by"]) for row in rows)
     lines = [
         f"{seen} of {len(rows)} are found:",

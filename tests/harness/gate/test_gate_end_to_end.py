@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from harness.command.main import main
-from harness.gate import early, images
+from harness.gate import gate_run, images
 from harness.gate.images import Renders
 from harness.records.study import read_studies
 from tests.harness.gate.gate_runs import GATES as STORED
@@ -29,7 +29,7 @@ def test_sound_code_passes_and_broken_code_does_not(
     assert (tmp_path / "sound" / "junit.xml").exists()
     assert sorted(file.name for file in (tmp_path / "sound").iterdir()) == ["gate.json", "junit.xml"]
 
-    monkeypatch.setattr(early, "in_child", lambda function, *given: function(*given))
+    monkeypatch.setattr(gate_run, "in_child", lambda function, *given: function(*given))
     MUTATIONS["optimiser", "learning rate", "× 1.01"](monkeypatch)
 
     def brighter(renders: Renders, *_: object) -> Renders:

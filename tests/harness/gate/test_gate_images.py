@@ -36,7 +36,6 @@ def truth(seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def renders(seed: int, count: int, stream: int) -> np.ndarray:
-    """Return independent normal renders [count, size, size, 4]."""
     mean, deviation = truth(seed)
     return mean + deviation * np.random.default_rng((seed, stream)).standard_normal((count, *mean.shape))
 
@@ -48,7 +47,6 @@ def references() -> dict[str, Reference]:
 
 @pytest.fixture(scope="module")
 def limits(references: dict[str, Reference]) -> dict[str, Limit]:
-    """Return limits as a renewal makes them."""
     further = {scene: renders(number, 10 * IMAGE_BATCHES, 2) for number, scene in enumerate(SCENES)}
     values = images.figures_of(further, references)
     return {gate.name: limit_from(gate, values[gate.name]) for gate in GATES}

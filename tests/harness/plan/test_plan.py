@@ -123,7 +123,7 @@ def test_the_control_is_named_only_where_it_takes_part() -> None:
 
 
 def test_the_full_setting_states_what_the_paper_leaves_open() -> None:
-    """π, images per batch, unit and start with the scale of their search, precision and the views of curves."""
+    """π, images per batch, unit and start with the scale of their search, precision, the views of curves, the rays."""
     plan = PROFILES["full"]
     for words in (
         "Positions are normalised by the scene's box (longest half-extent 1) and multiplied by π",
@@ -135,16 +135,12 @@ def test_the_full_setting_states_what_the_paper_leaves_open() -> None:
     (sentence,) = beginning(plan, "Unit of density")
     assert SEARCHED_AT["full" if chosen("full") else "reduced"] in sentence
     assert not beginning(PROFILES["converged"], "Curves")
+    assert not beginning(plan, "0%")
+    assert beginning(replace(plan, train=replace(plan.train, covered_share=0.7)), "70% of the rays")
     assert [extra.methods for extra in plan.extras] == [("nerf_float32", "qnerf_float32")]
     skipping = PROFILES["full_skipping"]
     assert (skipping.budget, skipping.score, skipping.views) == (plan.budget, plan.score, plan.views)
     assert replace(skipping.train, grid=plan.train.grid) == plan.train
-
-
-def test_rays_through_covered_pixels_are_a_deviation_that_is_said() -> None:
-    plan = PROFILES["full"]
-    assert not beginning(plan, "0%")
-    assert beginning(replace(plan, train=replace(plan.train, covered_share=0.7)), "70% of the rays")
 
 
 def test_whoever_cannot_leave_out_hidden_points_is_named() -> None:

@@ -16,6 +16,7 @@ from harness.training.batches import Camera
 from harness.training.learner import Learner
 from harness.training.scoring.evaluate import View, render_view
 from tests.harness.ball import pose
+from tests.harness.patching import changed
 from tests.harness.tiny import CPU, train, trainer
 
 CHUNK = 150
@@ -59,7 +60,6 @@ def same_bits(view: View, other: View) -> bool:
 
 
 def filled(parts: Iterable[Done]) -> View:
-    """The view that all parts together make."""
     canvas = Canvas(CAMERA.height, CAMERA.width)
     for done in parts:
         canvas.put(done)
@@ -101,22 +101,17 @@ def test_every_pixel_comes_once_with_one_part_a_region(nerf: Learner, order: Any
     assert [done.pixels.tolist() for done in parts] == [REGIONS.pixels(int(region)).tolist() for region in regions]
 
 
-class Watched:
-    """A learner that records its calls."""
+@pytest.fixture
+def calls(nerf: Learner, monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, int, int | None, int]]:
+    """Each call of nerf: its rays, chunk, bins and network evaluations."""
+    made = []
 
-    def __init__(self, inner: Learner) -> None:
-        self.inner = inner
-        self.calls: list[tuple[int, int, int | None]] = []
-        self.evaluations: list[int] = []
-
-    def render(self, rays: Rays, chunk: int, bins: int | None = None) -> Rendering:
-        self.calls.append((len(rays), chunk, bins))
-        rendering = self.inner.render(rays, chunk, bins)
-        self.evaluations.append(rendering.network_evaluations)
+    def note(rendering: Rendering, rays: Rays, chunk: int, bins: int | None = None) -> Rendering:
+        made.append((len(rays), chunk, bins, rendering.network_evaluations))
         return rendering
 
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.inner, name)
+    changed(monkeypatch, nerf, "render", note)
+    return made
 
 
 def test_the_evaluations_of_all_parts_are_those_of_all_calls(nerf: Learner) -> None:
@@ -126,8 +121,7 @@ def test_the_evaluations_of_all_parts_are_those_of_all_calls(nerf: Learner) -> N
         assert sum(done.network_evaluations for done in parts) == pytest.approx(whole, rel=0.01)
 
 
-def test_nothing_is_rendered_before_bad_attention_is_refused(nerf: Learner) -> None:
-    watched = Watched(nerf)
+def test_nothing_is_rendered_before_bad_attention_is_refused(nerf: Learner, calls: list[Any]) -> None:
     bad = ATTENTION.copy()
     bad[3] = np.nan
     for attention, words in (
@@ -136,15 +130,16 @@ def test_nothing_is_rendered_before_bad_attention_is_refused(nerf: Learner) -> N
         (np.zeros(0), r"\[0\]"),
     ):
         with pytest.raises(BadAttention, match=words):
-            refine(watched, CAMERA, REGIONS, attention, CHUNK)
-    assert watched.calls == []
+            refine(nerf, CAMERA, REGIONS, attention, CHUNK)
+    assert calls == []
 
 
 @pytest.mark.parametrize("stride", [1, 2, 3, 4, 7, 50])
-def test_a_coarse_frame_has_final_pixels_each_spread_over_its_square(nerf: Learner, stride: int) -> None:
-    watched = Watched(nerf)
-    view, rays, evaluations = coarse(watched, CAMERA, stride, CHUNK)
-    assert sum(watched.evaluations) == evaluations
+def test_a_coarse_frame_has_final_pixels_each_spread_over_its_square(
+    nerf: Learner, calls: list[Any], stride: int
+) -> None:
+    view, rays, evaluations = coarse(nerf, CAMERA, stride, CHUNK)
+    assert sum(call[-1] for call in calls) == evaluations
     whole = plain(nerf)
     rows, columns = range(0, 18, stride), range(0, 22, stride)
     assert rays == len(rows) * len(columns)
@@ -156,12 +151,14 @@ def test_a_coarse_frame_has_final_pixels_each_spread_over_its_square(nerf: Learn
                 assert np.abs(square - getattr(whole, name)[row, column]).max() < tolerance
 
 
-def test_the_estimated_error_is_what_half_the_bins_change_and_its_cost_is_counted(nerf: Learner) -> None:
-    watched = Watched(nerf)
+def test_the_estimated_error_is_what_half_the_bins_change_and_its_cost_is_counted(
+    nerf: Learner, calls: list[Any]
+) -> None:
     fine, (rough, rays, evaluations) = (coarse(nerf, CAMERA, 3, CHUNK, bins) for bins in (BINS, BINS // 2))
-    estimate = estimated_error(watched, CAMERA, fine.view, 3, CHUNK, BINS)
+    calls.clear()
+    estimate = estimated_error(nerf, CAMERA, fine.view, 3, CHUNK, BINS)
     square = ((fine.view.colour.astype(float) - rough.colour) ** 2).mean(axis=-1)
     np.testing.assert_allclose(estimate.error**2, square, rtol=1e-12)
     assert estimate.error.max() > 0.0
-    assert watched.calls == [(48, CHUNK, BINS // 2)]
+    assert calls == [(48, CHUNK, BINS // 2, evaluations)]
     assert (estimate.rays, estimate.network_evaluations) == (rays, evaluations) == (48, evaluations)

@@ -106,23 +106,10 @@ def test_a_flipped_bit_in_any_byte_and_a_cut_at_any_place_are_found_out(tmp_path
             assert not file.exists()
 
 
-def link_to(target: str) -> Callable[[Path], None]:
-    def instead(file: Path) -> None:
-        file.unlink()
-        file.symlink_to(target)
-
-    return instead
-
-
-def pipe(file: Path) -> None:
-    file.unlink()
-    os.mkfifo(file)
-
-
 INSTEAD: dict[str, Callable[[Path], object]] = {
-    "a pipe": pipe,
-    "a link to a device": link_to("/dev/zero"),
-    "a link to itself": link_to(key(1)),
+    "a pipe": lambda file: (file.unlink(), os.mkfifo(file)),
+    "a link to a device": lambda file: (file.unlink(), file.symlink_to("/dev/zero")),
+    "a link to itself": lambda file: (file.unlink(), file.symlink_to(file)),
     "more at its end": lambda file: file.write_bytes(file.read_bytes() + b"\0"),
     "another picture": lambda file: (file.parent / key(2)).replace(file),
 }
@@ -190,7 +177,6 @@ SPAWN = multiprocessing.get_context("spawn")
 
 
 def storm(folder: Path, seed: int, seconds: float, began: Event, counts: SimpleQueue[tuple[int, int]]) -> None:
-    """Put and get pictures, in a separate process."""
     generator, store = np.random.default_rng(seed), ViewStore(0, folder, BOUND)
     began.set()
     until, steps, hits = time.monotonic() + seconds, 0, 0

@@ -31,18 +31,18 @@ def cell(method: str = "qnerf") -> CellRecord:
     return cells.cell("ball", method, 0, CURVE, scores={"psnr": 22.25, "depth_rmse": None}, trace=TRACE)
 
 
-def read_back(folder: Path) -> Any:
-    accumulator = pytest.importorskip("tensorboard.backend.event_processing.event_accumulator")
-    everything = {"scalars": 0, "images": 0, "histograms": 0, "tensors": 0}
-    events = accumulator.EventAccumulator(str(folder), size_guidance=everything)
-    events.Reload()
-    return events
-
-
 @pytest.fixture(autouse=True)
 def _tensorboard() -> None:
-    pytest.importorskip("tensorboard")
     pytest.importorskip("torch.utils.tensorboard")
+
+
+def read_back(folder: Path) -> Any:
+    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+    everything = {"scalars": 0, "images": 0, "histograms": 0, "tensors": 0}
+    events = EventAccumulator(str(folder), size_guidance=everything)
+    events.Reload()
+    return events
 
 
 def test_scalars_are_those_of_the_record_on_the_cells_own_clock(tmp_path: Path) -> None:

@@ -36,8 +36,6 @@ from tests.harness.trained_runs import in_this_process
 from tests.replacing import replace
 
 TYPED = "run --profile smoke --resolution 8 --methods nerf qnerf --seeds 1 --budget-steps 2 --workers 1"
-
-
 Locally = Callable[[list[GroupTask], int], Iterator[Event]]
 
 

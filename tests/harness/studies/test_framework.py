@@ -1,7 +1,7 @@
 """The loop that runs studies, tried by commands with scripted studies: what it records, resumes, refuses and prints."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Literal
 
@@ -9,7 +9,7 @@ import pytest
 
 from harness.command.main import main
 from harness.records.json_record import load_record, write_record
-from harness.records.study import SHELVES, Check, Series, Table, check, read_studies, write_studies
+from harness.records.study import SHELVES, Check, Owner, Series, Table, check, read_studies, write_studies
 from harness.run_folder.integrity import DAMAGED, repair
 from harness.studies.evidence.evidence_studies import SHELF as EVIDENCE
 from harness.studies.framework import Found, Shelf, line_of, list_lines
@@ -24,30 +24,21 @@ from tests.reports.fake_studies import fake_studies
 ALL = (EVIDENCE, STABILITY, SPEED)
 
 
-class Script:
-    """Studies that answer at once, and stop or fail in a given study."""
+def scripted(monkeypatch: pytest.MonkeyPatch, stop_in: str = "", fail_in: str = "", owner: Owner = "ours") -> list[str]:
+    """Let studies answer at once, and stop or fail in a given study; return those that will have been measured."""
+    asked: list[str] = []
 
-    def __init__(self, stop_in: str = "", fail_in: str = "", owner: str = "ours") -> None:
-        self.stop_in, self.fail_in, self.owner = stop_in, fail_in, owner
-        self.asked: list[str] = []
+    def measure(name: str) -> Iterator[Found]:
+        asked.append(name)
+        yield f"{name} is answered"
+        yield check("a figure", 2.0 if name == fail_in else 1.0, high=1.0, owner=owner, id=name)
+        if name == stop_in:
+            raise KeyboardInterrupt
+        yield Series("panel", 0, "line", "x", "y", [1.0], [math.inf])
+        yield Table("t", 0, "table", ["a"], [["b", math.nan]])
 
-    def measure_of(self, _: Shelf, name: str) -> Callable[[object], Iterator[Found]]:
-        def measure(context: object) -> Iterator[Found]:
-            self.asked.append(name)
-            yield f"{name} is answered"
-            yield check("a figure", 2.0 if name == self.fail_in else 1.0, high=1.0, owner=self.owner, id=name)  # type: ignore[arg-type]
-            if name == self.stop_in:
-                raise KeyboardInterrupt
-            yield Series("panel", 0, "line", "x", "y", [1.0], [math.inf])
-            yield Table("t", 0, "table", ["a"], [["b", math.nan]])
-
-        return measure
-
-
-def scripted(monkeypatch: pytest.MonkeyPatch, **how: str) -> Script:
-    script = Script(**how)
-    monkeypatch.setattr(Shelf, "measure_of", lambda shelf, name: script.measure_of(shelf, name))
-    return script
+    monkeypatch.setattr(Shelf, "measure_of", lambda shelf, name: lambda context: measure(name))
+    return asked
 
 
 def run(out: Path, *names: str, resume: bool = False, shelf: str = "speed") -> int:
@@ -75,9 +66,9 @@ def test_studies_are_done_in_the_order_of_their_catalogue_and_recorded(
     shelf: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first, second, *_ = next(known for known in ALL if known.name == shelf).studies
-    script = scripted(monkeypatch)
+    asked = scripted(monkeypatch)
     assert run(tmp_path / "out", second, first, shelf=shelf) == 0
-    assert script.asked == done(tmp_path / "out", shelf) == [first, second]
+    assert asked == done(tmp_path / "out", shelf) == [first, second]
     record = read_studies(tmp_path / "out" / SHELVES[shelf])
     assert (record.shelf, record.finished, record.is_quick) == (shelf, True, True)
     study = record.studies[0]
@@ -99,7 +90,7 @@ def test_a_stopped_run_keeps_complete_studies_and_is_resumed_with_the_same_optio
     assert not read_studies(tmp_path / "out/speed.json").finished
     again = scripted(monkeypatch)
     assert run(tmp_path / "out", "2", "4", "7", resume=True) == 0
-    assert again.asked == ["4", "7"]
+    assert again == ["4", "7"]
     others = ("--quiet", "--quick", "--plain-seconds", "7", "--resume", "--out", tmp_path / "out")
     assert "other options" in refused(capsys, *others, command="speed")
     assert done(tmp_path / "out") == ["2", "4", "7"]
@@ -117,7 +108,7 @@ def test_a_study_of_a_resumed_record_names_its_own_commit(tmp_path: Path, monkey
 
 
 @pytest.mark.parametrize(("owner", "code"), [("ours", 3), ("paper", 0), ("usual", 0), ("machine", 0)])
-def test_only_our_checks_fail_the_run(owner: str, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_our_checks_fail_the_run(owner: Owner, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scripted(monkeypatch, fail_in="4", owner=owner)
     assert run(tmp_path / "out", "2", "4") == code
     broken = read_studies(tmp_path / "out/speed.json").broken
@@ -137,7 +128,7 @@ def test_a_damaged_record_is_named_moved_aside_and_measured_again(
     capsys.readouterr()
     assert main(["speed", "--quick", "--studies", "2", "--out", str(tmp_path / "out"), "--resume"]) == 0
     assert "speed.json: " in capsys.readouterr().out
-    assert again.asked == ["2"]
+    assert again == ["2"]
     assert (tmp_path / "out" / DAMAGED / "speed.json.1").read_bytes() == spoilt
 
 

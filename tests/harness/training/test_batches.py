@@ -119,9 +119,11 @@ def test_images_that_are_held_and_images_that_are_read_give_the_same_batches(mon
     read, _ = edged()
     assert (held._resident is None, read._resident is None) == (False, True)
     for step in range(3):
-        one, other = held.batch(7, step, 64), read.batch(7, step, 64)
-        assert torch.equal(one.colours, other.colours)
-        assert torch.equal(one.rays.directions, other.rays.directions)
+        one, in_turns = held.batch(7, step, 64), held.for_learner(False, 7, 64, in_turns=True)(step)
+        for other in (read.batch(7, step, 64), in_turns):
+            assert torch.equal(one.colours, other.colours)
+            assert torch.equal(one.rays.directions, other.rays.directions)
+        assert in_turns.seconds == 0.0
 
 
 @pytest.mark.parametrize("alpha", [0.0, 1.0])

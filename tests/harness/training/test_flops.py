@@ -60,11 +60,8 @@ def test_a_step_in_forward_passes_is_at_most_a_tenth_above_what_is_needed() -> N
     assert 1.0 < counted / needed < 1.1
 
 
-def test_voxels_are_interpolated_between_eight_and_weighted_by_direction() -> None:
+def test_voxels_are_interpolated_between_eight_and_weighted_by_direction_and_what_is_neither_has_no_count() -> None:
     assert flops_per_evaluation(SimpleNamespace(coefficients=1)) == 8 * 2 * 4
     assert flops_per_evaluation(SimpleNamespace(coefficients=4)) == 8 * 2 * 13 + 2 * 3 * 4
-
-
-def test_what_is_neither_has_no_count() -> None:
     assert flops_per_evaluation(object()) is None
     assert flops_per_evaluation(torch.nn.ReLU()) is None

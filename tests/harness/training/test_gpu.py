@@ -23,12 +23,16 @@ pytestmark = pytest.mark.skipif(not torch.cuda.is_available(), reason="no GPU")
 NETWORKS = [name for name, method in CATALOG.items() if method.is_field]
 
 
-def trained(method: str, kind: str, settings: TrainSettings, steps: int) -> Trainer:
+def fresh(method: str, kind: str, settings: TrainSettings, budget: Budget = BUDGET) -> Trainer:
     device = torch.device(kind)
     box = Box(-torch.ones(3, device=device), torch.ones(3, device=device))
-    learner = Trainer(Job(method, box, settings, BUDGET, 0, device))
+    return Trainer(Job(method, box, settings, budget, 0, device))
+
+
+def trained(method: str, kind: str, settings: TrainSettings, steps: int) -> Trainer:
+    learner = fresh(method, kind, settings)
     for step in range(steps):
-        learner.train_on(*batch(step, device))
+        learner.train_on(*batch(step, learner.device))
     return learner
 
 
@@ -86,12 +90,10 @@ TURNING = replace(TRAIN, fine_bins=8, grid=replace(TRAIN.grid, cells=0))
 
 
 def in_a_graph(method: str, settings: TrainSettings, steps: int, spoilt: int | None = None) -> Trainer:
-    device = torch.device("cuda")
-    box = Box(-torch.ones(3, device=device), torch.ones(3, device=device))
-    learner = in_turns(Trainer(Job(method, box, settings, Budget(steps, None), 0, device)))
+    learner = in_turns(fresh(method, "cuda", settings, Budget(steps, None)))
 
     def batch_at(step: int) -> Batch:
-        rays, colours = batch(step, device)
+        rays, colours = batch(step, learner.device)
         return Batch(rays, colours / 0.0 if step == spoilt else colours)
 
     while learner.step < steps:

@@ -142,7 +142,7 @@ def fed(norms: list[float], bound: float = 1.0, ratio: float = 4.0) -> Clipping:
 def test_what_is_allowed_passes_and_more_is_scaled_to_it(norm: float, excess: float) -> None:
     clipping = fed([norm], bound=math.inf)
     assert clipping.allowed == 4.0 * norm
-    offered = excess * clipping.allowed
+    offered = excess * float(clipping.allowed)
     assert clipping.scale(offered) * offered == pytest.approx(min(offered, 4.0 * norm), rel=1e-12)
     assert clipping.clipped_steps == (excess > 1.0)
 

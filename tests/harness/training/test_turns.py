@@ -18,17 +18,16 @@ from baselines.contract import NO_ACCELERATION
 from harness.plan.group_task import GroupTask
 from harness.plan.schedule import Budget
 from harness.plan.settings import TrainSettings
-from harness.training.batches import Batch, Batches
+from harness.training.batches import Batch
 from harness.training.checkpoints import restore_training, training_state
 from harness.training.learner import take_turn
 from harness.training.lockstep import train_group
 from harness.training.make_learner import learner_for
-from harness.training.scoring.evaluate import cameras_of
 from harness.training.trainer import Diverged, Trainer
 from harness.training.turns import Capture, Turns, in_turns
 from scenes.view_sets.view_set import ViewSet
 from tests.harness.patching import changed
-from tests.harness.tiny import BUDGET, CPU, SCORE, TRAIN, rays_and_colours, same, train, trainer, weights
+from tests.harness.tiny import BUDGET, SCORE, TRAIN, rays_and_colours, same, train, trainer, weights
 from tests.harness.training.recorded import CannotBeCaptured, recorded
 
 ROOT = Path(__file__).parents[3]
@@ -149,9 +148,9 @@ def test_a_value_that_is_not_finite_is_found_late_and_named_as_if_at_once(method
         return batch if at != step else batch._replace(colours=batch.colours / 0.0)
 
     learner = turning(method, TWO_PASSES)
-    with pytest.raises(Diverged, match=f"not finite at step {step}: loss") as error:
+    with pytest.raises(Diverged, match=f"not finite at step {step}: loss"):
         ended(learner, spoilt)
-    assert (error.value.step, learner.step) == (step, step)
+    assert learner.step == step
     assert all(bool(torch.isfinite(weight).all()) for weight in learner.fields.parameters())
 
 
@@ -315,13 +314,3 @@ def test_a_group_in_turns_leaves_complete_records(ball: ViewSet, tmp_path: Path)
     singly = {cell.method: cell for cell in one_by_one}
     for cell in cells:
         assert cell.scores["psnr"] == pytest.approx(singly[cell.method].scores["psnr"], abs=0.05)
-
-
-def test_images_that_the_device_holds_give_the_same_batches(ball: ViewSet) -> None:
-    read, held = (Batches(cameras_of(ball, ball.train, CPU), ball.train.rgba, 0.5) for _ in range(2))
-    held.hold()
-    for step in range(3):
-        one, other = (batches.for_learner(False, "s", 40, True)(step) for batches in (read, held))
-        assert torch.equal(one.colours, other.colours)
-        assert torch.equal(one.rays.directions, other.rays.directions)
-        assert one.seconds == 0.0

@@ -75,7 +75,6 @@ def half_way(ball: ViewSet, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def stopped(half_way: Path, tmp_path: Path) -> Path:
-    """A copy of it."""
     shutil.copytree(half_way, tmp_path / "out")
     return tmp_path / "out"
 

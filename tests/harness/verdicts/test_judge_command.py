@@ -16,7 +16,7 @@ from reports.__main__ import main as report
 from reports.studies.judgement import judgement_page, matrix, methods_grid, panel, suspects_grid
 from scenes.files.errors import DamagedRecord
 from tests.harness.shell import refused
-from tests.harness.verdicts.test_judgement import drawn, table_of
+from tests.harness.verdicts.test_judgement import collapsed, drawn, table_of
 from tests.replacing import replace
 
 
@@ -25,12 +25,6 @@ def table_file(folder: Path, values: np.ndarray) -> Path:
     rows = [f"s{j},m{i},{value:.4f}\n" for (i, j), value in np.ndenumerate(values)]
     path.write_text("scene,method,psnr\n" + "".join(rows))
     return path
-
-
-def collapsed() -> np.ndarray:
-    values = drawn(0, methods=5, effect=1.0)
-    values[2, 6] -= 20
-    return values
 
 
 @pytest.fixture

@@ -33,6 +33,12 @@ def drawn(seed: int, methods: int = 6, scenes: int = 8, effect: float = 0.0) -> 
     return 30 + steps + random.normal(0, 3, scenes) + random.normal(0, 0.5, (methods, scenes))
 
 
+def collapsed() -> np.ndarray:
+    values = drawn(0, methods=5, effect=1.0)
+    values[2, 6] -= 20
+    return values
+
+
 def distinguished(result: Ranking) -> set[frozenset[str]]:
     return {frozenset((pair.method, pair.against)) for pair in result.pairs if pair.distinguished}
 
@@ -165,8 +171,7 @@ def test_a_mean_is_adjusted_for_missing_scenes_by_least_squares() -> None:
 
 
 def test_a_collapsed_cell_is_found_and_judged_with_and_without() -> None:
-    values = drawn(0, methods=5, effect=1.0)
-    values[2, 6] -= 20
+    values = collapsed()
     result = judge(table_of(values), None, None)
     (each,) = result.suspects
     assert (each.method, each.scene, each.value) == ("m2", "s6", values[2, 6])

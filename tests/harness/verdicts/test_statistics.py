@@ -7,7 +7,6 @@ import pytest
 from scipy.stats import nct, ttest_ind
 from scipy.stats import t as student
 
-from harness.records.verdict import OPEN, verdict_of
 from harness.verdicts import statistics
 from harness.verdicts.estimates import nested
 from harness.verdicts.statistics import PairedDifference, on_these_scenes, paired_difference, scenes_like_these
@@ -44,12 +43,7 @@ def test_the_interval_is_students() -> None:
     assert statistics.shift_found(statistics.critical(normal), normal) == pytest.approx(1.959964 + 0.841621, rel=1e-3)
     alike = paired_difference(np.array([1.0, 1.0, 1.0]))
     assert alike.smallest_detectable == 0.0, "without any spread"
-
-
-def test_one_unit_has_no_interval_and_no_verdict() -> None:
-    result = paired_difference(np.array([5.0]))
-    assert result == PairedDifference(5.0, None, None, 1)
-    assert verdict_of(result.simultaneous, 0.2) == OPEN
+    assert paired_difference(np.array([5.0])) == PairedDifference(5.0, None, None, 1), "one unit"
 
 
 @pytest.mark.parametrize("freedom", [1.0, 1e4, 1e6])

@@ -21,6 +21,11 @@ ROWS: list[dict[str, Any]] = [
 ]
 
 
+def read(folder: Path, name: str, text: str, metric: str | None = None) -> ResultTable:
+    (folder / name).write_text(text, encoding="utf-8")
+    return read_table([folder / name], metric)
+
+
 def as_csv(path: Path, rows: list[dict[str, Any]] = ROWS, mark: str = ",") -> Path:
     with path.open("w", newline="") as file:
         writer = csv.DictWriter(file, rows[0], delimiter=mark)
@@ -127,65 +132,47 @@ BAD = {
     "scene,method,psnr\n": "has a header and no rows",
     "scene,method,comment\na,x,good\na,y,bad\n": "has no column of numbers",
     "": "is empty; give a table with a header and rows",
+    '[{"scene": "a", "method": "x", "psnr": NaN}]': "; write null for a missing result",
+    '[{"scene": "a", "method": "x", "psnr": true}]': "row 1: psnr is True",
+    '[{"scene": "a", "method": "x", "psnr": 1, "psnr": 2}]': "'psnr' is given twice; keep one",
+    '{"odd": 3}': "holds no rows; JSON must be",
 }
 
 
 @pytest.mark.parametrize("text", BAD)
 def test_what_cannot_be_judged_is_refused_in_a_line(text: str, tmp_path: Path) -> None:
-    path = tmp_path / "t.csv"
-    path.write_text(text)
+    name = "t.json" if text.startswith(("[", "{")) else "t.csv"
     with pytest.raises(InputError) as refused:
-        read_table([path])
-    assert BAD[text].format(path) in str(refused.value)
+        read(tmp_path, name, text)
+    assert BAD[text].format(tmp_path / name) in str(refused.value)
     assert "\n" not in str(refused.value)
 
 
-@pytest.mark.parametrize(
-    ("name", "text", "said"),
-    [
-        ("t.json", '[{"scene": "a", "method": "x", "psnr": NaN}]', "is not JSON .*write null"),
-        ("t.json", '[{"scene": "a", "method": "x", "psnr": true}]', "row 1: psnr is True"),
-        ("t.json", '{"odd": 3}', "holds no rows; JSON must be"),
-        ("t.json", '[{"scene": "a", "method": "x", "psnr": 1, "psnr": 2}]', "'psnr' is given twice; keep one"),
-        ("t.parquet", "scene", "t.parquet: "),
-    ],
-)  # fmt: skip
-def test_files_that_are_no_table(name: str, text: str, said: str, tmp_path: Path) -> None:
-    (tmp_path / name).write_text(text)
-    with pytest.raises(InputError, match=said):
-        read_table([tmp_path / name], "psnr")
-
-
-def test_without_pyarrow_parquet_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_parquet_that_cannot_be_read_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(InputError, match=r"t\.parquet: "):
+        read(tmp_path, "t.parquet", "scene")
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    (tmp_path / "t.parquet").touch()
     with pytest.raises(InputError, match=r"install the extra parquet of .*, or save the table as CSV"):
         read_table([tmp_path / "t.parquet"])
 
 
 def test_many_rows_are_read_and_too_many_cells_refused(tmp_path: Path) -> None:
-    path = tmp_path / "t.csv"
-    shape = (20, 25, 10)
-    values = np.random.default_rng(0).normal(30, 1, shape).round(3)
+    values = np.random.default_rng(0).normal(30, 1, (20, 25, 10)).round(3)
     lines = [f"m{i},s{j},{k},{v}" for (i, j, k), v in np.ndenumerate(values)]
-    path.write_text("\n".join(["method,scene,seed,psnr", *lines]))
-    assert np.array_equal(read_table([path]).values, values)
+    assert np.array_equal(read(tmp_path, "t.csv", "\n".join(["method,scene,seed,psnr", *lines])).values, values)
     side = int(MOST_CELLS ** (1 / 2) / 10)
-    path.write_text("method,scene,seed,psnr\n" + "".join(f"m{i % 150},s{i},{i},1\n" for i in range(side)))
+    large = "method,scene,seed,psnr\n" + "".join(f"m{i % 150},s{i},{i},1\n" for i in range(side))
     with pytest.raises(InputError, match=f"150 × {side} × {side} methods, scenes and seeds are more than"):
-        read_table([path])
-    path.write_text("method,scene,psnr\n" + "".join(f"m{i},s,1\n" for i in range(201)))
+        read(tmp_path, "t.csv", large)
     with pytest.raises(InputError, match="201 methods are more than the 200 that are compared"):
-        read_table([path])
+        read(tmp_path, "t.csv", "method,scene,psnr\n" + "".join(f"m{i},s,1\n" for i in range(201)))
 
 
 # a row per view
 
 
-def table(folder: Path, rows: list[str]) -> Path:
-    path = folder / "views.csv"
-    path.write_text("\n".join(["scene,method,image,psnr", *rows]) + "\n")
-    return path
+def of_views(folder: Path, rows: list[str]) -> ResultTable:
+    return read(folder, "views.csv", "\n".join(["scene,method,image,psnr", *rows, ""]))
 
 
 def rows(change: dict[str, str] | None = None) -> list[str]:
@@ -195,10 +182,10 @@ def rows(change: dict[str, str] | None = None) -> list[str]:
 
 
 def test_a_cell_is_the_mean_over_its_views(tmp_path: Path) -> None:
-    read = read_table([table(tmp_path, rows())])
-    np.testing.assert_allclose(read.values[..., 0], [[20.1, 30.1], [21.1, 31.1]])
-    assert any("means over the views" in note for note in read.notes)
-    assert read.origins == ["views 3", "views 3"]
+    table = of_views(tmp_path, rows())
+    np.testing.assert_allclose(table.values[..., 0], [[20.1, 30.1], [21.1, 31.1]])
+    assert any("means over the views" in note for note in table.notes)
+    assert table.origins == ["views 3", "views 3"]
 
 
 @pytest.mark.parametrize(
@@ -212,14 +199,14 @@ def test_a_cell_is_the_mean_over_its_views(tmp_path: Path) -> None:
 )
 def test_cells_of_different_views_are_refused(change: dict[str, str], why: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=why):
-        read_table([table(tmp_path, rows(change))])
+        of_views(tmp_path, rows(change))
 
 
 def test_the_files_of_methods_are_named_where_there_are_several(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("scene,method,psnr,source,width\ns1,m0,1,paper,800\ns2,m0,2,paper,800\n")
     (tmp_path / "b.csv").write_text("scene,method,psnr,width\ns1,m1,1,800\ns2,m1,2,800\n")
-    read = read_table([tmp_path / "a.csv", tmp_path / "b.csv"])
-    assert (read.notes, read.origins) == ([], ["a.csv; paper; width 800", "b.csv; width 800"])
+    table = read_table([tmp_path / "a.csv", tmp_path / "b.csv"])
+    assert (table.notes, table.origins) == ([], ["a.csv; paper; width 800", "b.csv; width 800"])
 
 
 def test_a_method_of_two_files_and_methods_without_any_result_are_named(tmp_path: Path) -> None:
@@ -232,7 +219,6 @@ def test_a_method_of_two_files_and_methods_without_any_result_are_named(tmp_path
 
 
 def test_a_column_of_that_name_with_one_row_per_cell_says_something_else(tmp_path: Path) -> None:
-    path = table(tmp_path, [f"s{s},m{m},renders/{s}{m}.png,{s + m}" for s in (1, 2) for m in (0, 1)])
-    read = read_table([path])
-    assert read.values[..., 0].tolist() == [[1.0, 2.0], [2.0, 3.0]]
-    assert read.origins == ["", ""]
+    table = of_views(tmp_path, [f"s{s},m{m},renders/{s}{m}.png,{s + m}" for s in (1, 2) for m in (0, 1)])
+    assert table.values[..., 0].tolist() == [[1.0, 2.0], [2.0, 3.0]]
+    assert table.origins == ["", ""]

@@ -3,7 +3,6 @@
 import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +11,7 @@ from harness.verdicts.judging.judgement import judge
 from harness.verdicts.tables.numbers import number, plain
 from harness.verdicts.tables.result_table import ResultTable, read_table
 from scenes.files.errors import InputError
-from tests.harness.verdicts.test_table import as_json
+from tests.harness.verdicts.test_table import as_json, read
 
 SCENES = ("bicycle", "garden", "stump", "room", "counter", "kitchen")
 METHODS = ("3DGS", "Mip-NeRF 360", "Ours")
@@ -68,6 +67,7 @@ def wrapped(before: str, after: str) -> list[str]:
 
 
 BOTH, ONE = {"PSNR": PSNR, "LPIPS": LPIPS}, tidy({"PSNR": PSNR})
+SPLIT = [(s, [m, split, v]) for s, m, _, v in ONE for split in ("a", "b")]
 INDEXED = [(str(k), [name, *values]) for k, (name, values) in enumerate(rows(), 1)]
 TIMES = [(name, [*values, place, 700]) for place, (name, values) in enumerate(rows(), 20)]
 MEANS = [(name, [*values, np.mean(values[:3]).round(2), np.mean(values).round(2)]) for name, values in rows()]
@@ -109,6 +109,10 @@ SHAPES: dict[str, tuple[str, str]] = {
             for j, scene in enumerate(SCENES) for k, name in enumerate(METHODS)))),
     "groups of methods": ("t.md", markdown(("Method", SCENES), ("*Explicit*", [""] * 6), *rows())),
     "category": ("t.csv", csv(("Category", ["Method", *SCENES]), *(("explicit", [n, *v]) for n, v in rows()))),
+    "data sets": ("psnr.csv", csv(("Dataset", ["Scene", *METHODS]), *(("m360", [s, *v]) for s, v in turned()))),
+    "networks": ("t.csv", csv(("", ["Base", *SCENES]), *((n, ["MLP", *v]) for n, v in rows()))),
+    "test views behind training views": (
+        "t.csv", csv(("scene", ["method", "train_psnr", "test_psnr"]), *((s, [m, 40, v]) for s, m, _, v in ONE))),
     "times and sizes": ("t.md", markdown(("Method", [*SCENES, "Time (min)", "Size (MB)"]), *TIMES)),
     "means of some": ("t.csv", csv(("Method", [*SCENES, "Outdoor avg", "Ø"]), *MEANS)),
     "differences": (
@@ -159,11 +163,6 @@ NAMES = (
     "2DGS", "Delta-GS", "Average-NeRF", "seed-GS", "w/o mean loss", "Best-NeRF", "Zip-NeRF*", "Ours†",
 )  # fmt: skip
 PLACES = ("mean_street", "time_square", "gain_hill", "scene_01", "train", "truck", "kitchen_2", "memory lane")
-
-
-def read(folder: Path, name: str, text: str, **options: Any) -> ResultTable:
-    (folder / name).write_text(text, encoding="utf-8")
-    return read_table([folder / name], **options)
 
 
 def require_psnr(table: ResultTable, seeds: int = 1) -> None:
@@ -225,20 +224,35 @@ def test_an_arrow_decides_which_way_is_better(heading: str, metric: str, higher:
         (csv(("", SCENES), *rows()).replace("25.16", "#DIV/0!"), "line 2: '#DIV/0!' is not a number"),
         (csv(("", ["7K", "30K"] * 3), *rows()), "two columns|several headers|a second"),
         (csv(("Standard deviation of PSNR", SCENES), *rows()), "holds a time or a size"),
+        (csv(("Training time (min) ↓", SCENES), *((n, [20] * 6) for n, _ in rows())),
+         "holds a time or a size, and no scores"),
+        (csv(("Step", [f"3DGS-{scene} - psnr" for scene in SCENES]), ("1000", PSNR[0]), ("2000", PSNR[1])),
+         "has a row per Step"),
+        (csv(("scene", ["method", "psnr"]), *((s, [f"{m}-{s}", v]) for s, m, _, v in ONE)),
+         "no two methods have two scenes in common"),
+        # metrics in rows keep the other columns
+        (csv(("scene", ["method", "width", "metric", "value"]),
+             *((s, [m, 400 if m == "3DGS" else 800, k, v]) for s, m, k, v in tidy(BOTH))),
+         r"width of bicycle is 800, and 400 in"),
+        (csv(("scene", ["method", "iteration", "psnr"]), *SPLIT),
+         r"they differ in iteration \(a, b\): keep the rows of one"),
     ],
-)
+)  # fmt: skip
 def test_what_would_be_read_wrongly_is_refused(text: str, message: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=message):
         read(tmp_path, "t.csv", text)
 
 
-def test_seeds_in_names_are_seeds(tmp_path: Path) -> None:
+def test_seeds_are_read_from_names_columns_and_rows(tmp_path: Path) -> None:
     of_methods = [(f"{name} (seed {seed})", values) for name, values in rows() for seed in (0, 1)]
     of_scenes = [f"{scene}_seed{seed}" for scene in SCENES for seed in (0, 1)]
     twice = [(name, [value for value in values for _ in range(2)]) for name, values in rows()]
     for text in (csv(("Method", SCENES), *of_methods), csv(("Method", of_scenes), *twice)):
-        table = read(tmp_path, "psnr.csv", text)
-        require_psnr(table, seeds=2)
+        require_psnr(read(tmp_path, "psnr.csv", text), seeds=2)
+    in_rows = csv(("method", ["seed", *SCENES]), *((n, [seed, *v]) for n, v in rows() for seed in (42, 43)))
+    in_columns = csv(("scene", ["method", "psnr_seed0", "psnr_seed1"]), *((s, [m, v, v]) for s, m, _, v in ONE))
+    for text in (in_rows, in_columns):
+        require_psnr(read(tmp_path, "t.csv", text), seeds=2)
 
 
 def test_a_table_among_others_in_a_text_is_read_and_the_others_are_named(tmp_path: Path) -> None:
@@ -248,15 +262,10 @@ def test_a_table_among_others_in_a_text_is_read_and_the_others_are_named(tmp_pat
     assert any(note.startswith("Table of line 1 left out: ") for note in table.notes)
 
 
-def test_turned_tables_may_name_data_sets_and_groups_and_rows_without_results(tmp_path: Path) -> None:
-    sets = csv(("Dataset", ["Scene", *METHODS]), *(("m360", [name, *values]) for name, values in turned()))
-    require_psnr(read(tmp_path, "psnr.csv", sets))
-    groups = markdown(("Method", SCENES), *rows(), ("Oldest", [""] * 6))
-    table = read(tmp_path, "t.md", groups)
+def test_rows_without_results_are_titles(tmp_path: Path) -> None:
+    table = read(tmp_path, "t.md", markdown(("Method", SCENES), *rows(), ("Oldest", [""] * 6)))
     require_psnr(table)
     assert "Rows without results, taken as titles: Oldest." in table.notes
-    named = read(tmp_path, "t.csv", csv(("", ["Base", *SCENES]), *((n, ["MLP", *v]) for n, v in rows())))
-    require_psnr(named)
 
 
 @pytest.mark.parametrize("encoding", ["utf-16", "utf-8-sig", "cp1252"])
@@ -265,26 +274,6 @@ def test_tables_of_spreadsheets_are_read(encoding: str, tmp_path: Path) -> None:
     table = read_table([tmp_path / "t.csv"])
     require_psnr(table)
     assert any("Windows-1252" in note for note in table.notes) == (encoding == "cp1252")
-
-
-def test_seeds_are_read_from_columns_and_rows(tmp_path: Path) -> None:
-    names = [f"psnr_seed{seed}" for seed in range(2)]
-    wide = csv(("method", ["seed", *SCENES]), *((n, [seed, *v]) for n, v in rows() for seed in (42, 43)))
-    for text in (wide, csv(("scene", ["method", *names]), *((s, [m, v, v]) for s, m, _, v in ONE))):
-        table = read(tmp_path, "t.csv", text)
-        require_psnr(table, seeds=2)
-
-
-def test_what_is_no_score_is_not_judged(tmp_path: Path) -> None:
-    times = csv(("Training time (min) ↓", SCENES), *((n, [20] * 6) for n, _ in rows()))
-    with pytest.raises(InputError, match="holds a time or a size, and no scores"):
-        read(tmp_path, "t.csv", times)
-    steps = csv(("Step", [f"3DGS-{scene} - psnr" for scene in SCENES]), ("1000", PSNR[0]), ("2000", PSNR[1]))
-    with pytest.raises(InputError, match="has a row per Step"):
-        read(tmp_path, "t.csv", steps)
-    alone = csv(("scene", ["method", "psnr"]), *((s, [f"{m}-{s}", v]) for s, m, _, v in ONE))
-    with pytest.raises(InputError, match="no two methods have two scenes in common"):
-        read(tmp_path, "t.csv", alone)
 
 
 @pytest.mark.parametrize("name", ["LPIPS", "1-SSIM", "ssim_error", "DSSIM"])
@@ -302,15 +291,17 @@ def test_a_metric_that_is_better_when_lower_is_known_by_its_name(name: str, tmp_
     assert (table.metric, table.higher_is_better) == ("lpips", False)
 
 
-def test_a_guess_of_psnr_is_stated_and_test_views_come_before_training_views(tmp_path: Path) -> None:
+def test_a_guess_of_psnr_is_stated(tmp_path: Path) -> None:
     assert any("No metric is named" in note for note in read(tmp_path, "t.csv", csv(("", SCENES), *rows())).notes)
-    both = csv(("scene", ["method", "train_psnr", "test_psnr"]), *((s, [m, 40, v]) for s, m, _, v in ONE))
-    require_psnr(read(tmp_path, "t.csv", both))
 
 
 @pytest.mark.parametrize(
     ("cell", "value"),
     [
+        ("31.2", 31.2), ("31,2", 31.2), ("−0.5", -0.5), ("31.2 dB", 31.2), ("31.2 ± 0.3", 31.2), ("31.2 (0.3)", 31.2),
+        (r"\textbf{31.2}", 31.2), (r"\underline{\textbf{31.2}}", 31.2), (r"\cellcolor{red!20}31.2", 31.2),
+        ("$31.2_{}$", 31.2), (r"$31.2 \pm 0.3$", 31.2), ("**31.2**", 31.2), ("<b>31.2</b>", 31.2), ("31.2†", 31.2),
+        ("1e-3", 1e-3), ("nan", None), ("inf", None), ("1.234,5", None), ("26.3 cm", None), ("9k", None), ("", None),
         (r"\ding{55}", None), (r"\underline{27.1}$_2$", 27.1), ("27.1<sup>2</sup>", 27.1),
         ("1_0", None), (r"27.12\textsuperscript{1}", 27.12), (r"27.12$^\dagger$", 27.12), ("27.12²", 27.12),
         (r"$27.12_{1}$", 27.12), (r"27.12\textsubscript{2}", 27.12), (r"\ms{27.12}{3}", 27.12),
@@ -389,13 +380,6 @@ def test_results_at_several_steps_are_several_methods_and_a_file_may_hold_all_sc
     require_psnr(read_table([tmp_path / "files"]))
 
 
-def test_metrics_in_rows_keep_the_other_columns(tmp_path: Path) -> None:
-    lines = [(s, [m, 400 if m == "3DGS" else 800, k, v]) for s, m, k, v in tidy(BOTH)]
-    text = csv(("scene", ["method", "width", "metric", "value"]), *lines)
-    with pytest.raises(InputError, match=r"width of bicycle is 800, and 400 in"):
-        read(tmp_path, "t.csv", text)
-
-
 def test_commas_are_decimal_marks_where_no_number_has_a_point(tmp_path: Path) -> None:
     text = markdown(
         ("FID", SCENES), *((name, [f"{value:.3f}".replace(".", ",") for value in values]) for name, values in rows())
@@ -403,11 +387,8 @@ def test_commas_are_decimal_marks_where_no_number_has_a_point(tmp_path: Path) ->
     assert read(tmp_path, "t.md", text).values[0, 0, 0] == 25.16
 
 
-def test_rows_that_differ_in_a_column_are_told_so_and_data_sets_divide_scenes(tmp_path: Path) -> None:
-    lines = [(s, [m, split, v]) for s, m, _, v in ONE for split in ("a", "b")]
-    with pytest.raises(InputError, match=r"they differ in iteration \(a, b\): keep the rows of one"):
-        read(tmp_path, "t.csv", csv(("scene", ["method", "iteration", "psnr"]), *lines))
-    table = read(tmp_path, "t.csv", csv(("scene", ["method", "dataset", "psnr"]), *lines))
+def test_data_sets_divide_scenes(tmp_path: Path) -> None:
+    table = read(tmp_path, "t.csv", csv(("scene", ["method", "dataset", "psnr"]), *SPLIT))
     assert {"a/bicycle", "b/bicycle"} <= set(table.scenes)
 
 

@@ -45,13 +45,11 @@ def add_second_scene(out: Path) -> None:
 
 @pytest.fixture
 def out(trained: Path, tmp_path: Path) -> Path:
-    """A copy."""
     return Path(shutil.copytree(trained, tmp_path / "run"))
 
 
 @pytest.fixture(scope="session")
 def cells(trained: Path) -> list[TrainedCell]:
-    """nerf and qnerf."""
     run = FinishedRun.of(trained)
     return [run.trained(run.run.scenes[0], method, 0, CPU) for method in ("nerf", "qnerf")]
 

@@ -26,7 +26,6 @@ ORBIT = {"azimuth": 0.7, "elevation": 0.4, "distance": 4.0, "target": [0, 0, 0]}
 
 
 def unpacked(stream: bytes) -> list[tuple[dict[str, Any], bytes]]:
-    """Return the complete messages of a stream."""
     messages, at = [], 0
     while at + 4 <= len(stream):
         length = struct.unpack_from("<I", stream, at)[0]

@@ -30,7 +30,6 @@ def calls(site: Site, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
 
 
 def began(site: Site, calls: list[Any], **changes: Any) -> socket.socket:
-    """A request that is being rendered."""
     line, before = socket.create_connection(("127.0.0.1", site.port), timeout=60), len(calls)
     body = wanted(**{"methods": ["nerf"], **changes})
     head = ["POST /render HTTP/1.1", "Host: localhost", "Content-Type: application/json", "Connection: close"]
@@ -41,7 +40,6 @@ def began(site: Site, calls: list[Any], **changes: Any) -> socket.socket:
 
 
 def rest_of(line: socket.socket) -> bytes:
-    """All that comes, until the server closes."""
     return b"".join(iter(lambda: line.recv(65536), b""))
 
 

@@ -155,7 +155,6 @@ def test_methods_are_loaded_when_chosen_and_one_that_cannot_be_shown_says_why(br
 
 @pytest.fixture
 def two(out: Path) -> Iterator[Site]:
-    """Two scenes."""
     add_second_scene(out)
     with served(shown_of(out, ["nerf"])) as found:
         yield found

@@ -13,7 +13,7 @@ from reports.claims.table import chapters, claims_grid, folds, in_a_sentence
 from reports.data.load import Records
 from reports.data.scale import in_a_line, is_at_scale, scenes_at_scale, standing
 from reports.data.selection import Selection
-from reports.data.shelf_records import ShelfRecords
+from reports.data.studies_load import ShelfRecords
 from reports.data.wording import UNTESTED, VERDICTS
 from tests.replacing import replace
 from tests.reports.fake_run import EIGHT, PAPER, fake_records
@@ -58,8 +58,7 @@ def eight(tmp_path_factory) -> Records:
 
 @pytest.fixture(scope="module")
 def printed(eight: Records) -> Records:
-    """Return a run with the gains of Table 2, each scene with ± 0.15 dB, trained as §7.1 and Table 1 say, on given view
-    sets with the numbers of views of NeRF Synthetic."""
+    """Return a run at the paper's scale with the gains of Table 2, each scene with ± 0.15 dB."""
     papers = {"network": {"depth": 8, "width": 256}, "rays": 1024, "learning_rate": 5e-4}
     train = {**eight.run.settings["train"], **papers}
     shape = {"width": 800, "height": 800, "rendered": {}, "views": {"train": 100, "val": 0, "test": 200}}

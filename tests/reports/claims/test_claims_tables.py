@@ -1,7 +1,4 @@
-"""The claims of Tables 1 to 4: the paper's own figures; times, from the record of when a score was reached, where
-censored runs change no verdict; and the parts of Table 4, from the factorial study or from the run itself.
-The claims of §8: judged by the spread of calls, by stale pictures, and by the scenes on which an order is first.
-"""
+"""The claims of Tables 1 to 4 and of §8: the paper's own figures, times, the parts of Table 4, cache and attention."""
 
 import json
 from pathlib import Path
@@ -19,7 +16,7 @@ from reports.claims.table import claims_grid
 from reports.claims.time import NEEDS_MACHINE, NEEDS_SCENES, bound, saving, time_to_target
 from reports.data.load import Records, read_records
 from reports.data.selection import TARGET, Selection
-from reports.data.shelf_records import ShelfRecords
+from reports.data.studies_load import ShelfRecords
 from reports.data.wording import UNTESTED
 from reports.run.saving.publish import write_summary
 from tests.replacing import replace

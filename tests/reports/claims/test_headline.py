@@ -1,7 +1,4 @@
-"""The title and the sentences of the result, and the text next to a mean: changes, doubts, outliers.
-
-The first screen: the question, the answer, its certainty, and what was not tested.
-"""
+"""The title and the sentences of the result, and the first screen: question, answer, certainty, what was not tested."""
 
 import numpy as np
 import pytest
@@ -13,11 +10,11 @@ from harness.verdicts.changes import change_of
 from harness.verdicts.claim_files import stated
 from reports.claims.claim_list import claims
 from reports.claims.first_screen import calibration, first_screen
-from reports.claims.headline import headline, title_of
+from reports.claims.headline import duels, headline, title_of
 from reports.claims.ledger import in_short
 from reports.data.load import Records
 from reports.data.outcome import Outcome, change_in_words, clause, clauses, doubts, robust_differs, robust_in_words
-from reports.data.shelf_records import ShelfRecords
+from reports.data.studies_load import ShelfRecords
 from reports.drawing.palette import colours_of
 from reports.page.shell import named
 from reports.run.run_page import page
@@ -128,7 +125,7 @@ def test_the_headline_names_both_rivals_and_the_change_from_steps_to_time(whole:
     assert "comes from bandwidth" in shown.sentences[1]
     assert shown.sentences[2].startswith("From equal steps to equal training time: qnerf − nerf changes by ")
     assert "; qnerf − nerf_matched changes by " in shown.sentences[2]
-    assert [(duel.method, duel.against) for duel in shown.duels] == [("qnerf", "nerf"), ("qnerf", "nerf_matched")]
+    assert [(duel.method, duel.against) for duel in duels(records)] == [("qnerf", "nerf"), ("qnerf", "nerf_matched")]
 
 
 def test_a_change_from_steps_to_time_is_judged_as_one(whole: Records):

@@ -1,7 +1,4 @@
-"""Records are read completely, in order, or refused with a message that names the file.
-
-With --partial damaged files are left out and named, valid files are shown, and all statements stay true.
-"""
+"""Records are read completely, in order, or refused with the name of the file; --partial leaves damaged files out."""
 
 import html
 import shutil
@@ -50,14 +47,12 @@ def test_half_written_parts_are_not_cells_and_comparisons_may_be_missing(out):
     assert (len(read_records(out).cells), read_records(out).comparisons) == (18, [])
 
 
-@pytest.mark.parametrize(("file", "content"), [("comparisons", '[{"scene": 1}]'), ("targets", '{"schema": 1}')])
-def test_other_damaged_records_are_named(out, file, content):
-    (out / "records" / f"{file}.json").write_text(content, encoding="utf-8")
-    with pytest.raises(DamagedRecord, match=rf"{file}\.json"):
-        read_records(out)
-
-
-def test_targets_of_a_method_that_the_run_has_not_are_refused(out):
+def test_other_damaged_records_and_targets_of_an_unknown_method_are_named(out):
+    for file, content in (("comparisons", '[{"scene": 1}]'), ("targets", '{"schema": 1}')):
+        (out / "records" / f"{file}.json").write_text(content, encoding="utf-8")
+        with pytest.raises(DamagedRecord, match=rf"{file}\.json"):
+            read_records(out)
+        (out / "records" / f"{file}.json").unlink()
     curve = ReachCurve("nerv", "all", "steps", [100.0], [0.5], [2])
     write_targets(out, TargetsRecord(24.0, False, "nerf", "24 dB, because.", [], [curve], []))
     with pytest.raises(DamagedRecord, match=r"targets\.json: a curve is of 'nerv', which is not a method of the run"):

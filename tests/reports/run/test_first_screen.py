@@ -11,26 +11,15 @@ import numpy as np
 import pytest
 
 from reports.data.load import Records
-from reports.data.shelf_records import ShelfRecords
+from reports.data.studies_load import ShelfRecords
 from reports.page.shell import in_groups, section
 from reports.run.figures import ruler
 from reports.run.pictures import _closer, exhibit
 from reports.run.run_page import VERSION_FILE, page, version, write_page
 from tests.replacing import replace
+from tests.reports.claims.test_claims import with_comparisons
 from tests.reports.fake_run import EIGHT, fake_records
 from tests.reports.fake_studies import fake_studies
-
-
-def with_differences(records: Records, by_scene: dict[str, float]) -> Records:
-    """Return the run with these differences of qnerf − nerf in PSNR at equal steps."""
-    key = ("qnerf", "nerf", "psnr", "steps")
-    rows = [
-        replace(row, difference=by_scene[row.scene])
-        if (row.method, row.against, row.metric, row.budget) == key and row.scene in by_scene
-        else row
-        for row in records.comparisons
-    ]
-    return replace(records, comparisons=rows)
 
 
 def picture(uri: str) -> Any:
@@ -51,8 +40,8 @@ def test_the_pictures_are_those_of_the_scene_with_the_median_difference(
     five: Records, differences: tuple[float, ...], scene: str
 ) -> None:
     known = dict(zip(five.scenes, differences, strict=False))
-    judged = [row for row in five.comparisons if row.scene in (*known, "all")]
-    shown = exhibit(with_differences(replace(five, comparisons=judged), known))
+    judged = replace(five, comparisons=[row for row in five.comparisons if row.scene in (*known, "all")])
+    shown = exhibit(with_comparisons(judged, **{name: {"difference": each} for name, each in known.items()}))
     assert shown.title == five.scene(scene).title
     assert f"the scene of the median difference of {len(known)} scenes" in shown.why
     assert [each.method for each in shown.renders] == ["nerf", "qnerf"]
@@ -94,12 +83,8 @@ def test_the_ruler_has_both_intervals_the_band_and_the_claim_on_one_axis(whole: 
 
 
 def test_a_wide_interval_does_not_decide_the_axis(whole: Records) -> None:
-    rows = []
-    for row in whole.comparisons:
-        if row.scene == "all" and row.scenes_like_these:
-            row = replace(row, scenes_like_these=replace(row.scenes_like_these, simultaneous=(-90.0, 90.0)))
-        rows.append(row)
-    made = ruler(replace(whole, comparisons=rows))
+    wide = replace(whole.comparison("all", "qnerf", "nerf").scenes_like_these, simultaneous=(-90.0, 90.0))
+    made = ruler(with_comparisons(whole, all={"scenes_like_these": wide}))
     assert max(map(abs, made.x_limits)) < 5
     assert "[−90.00, +90.00]" in made.figures[1], "its ends are printed"
 

@@ -1,8 +1,4 @@
-"""Methods that no table of all scenes has: a guest of another family, and further methods on one scene.
-
-A guest has a sentence, a curve and a row of costs; a further method has a row in a table of its own. A method whose
-library is missing is shown with its reason, is not counted as a failure, and has no effect on other methods.
-"""
+"""Guests of another family, further methods on one scene, and methods whose library is missing."""
 
 import math
 

@@ -19,9 +19,7 @@ HOSTILE = "<script>alert('$\\frac$')</script>"
 
 
 def foreign_scripts(text: str, files: bool = False) -> list[str]:
-    """Return the scripts that could run and do not match the digest in the page's policy; `files` says that it allows
-    script files next to the page.
-    """
+    """Return the scripts that could run and do not match the page's policy, which with `files` allows script files."""
     elements = re.findall(r"<script([^>]*)>(.*?)</script>", text, re.DOTALL | re.IGNORECASE)
     running = [body for attributes, body in elements if 'type="application/' not in attributes]
     allowed = html.unescape(re.search(r'Content-Security-Policy" content="([^"]*)"', text)[1])

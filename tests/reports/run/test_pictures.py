@@ -1,7 +1,4 @@
-"""The pictures of a run: the data of the comparer, still views next to the truth, and the turn around a scene.
-
-The data decode as in the script, fit their budget, and state what was left out.
-"""
+"""The pictures of a run: the data of the comparer, still views next to the truth, and the turn around a scene."""
 
 import base64
 import html

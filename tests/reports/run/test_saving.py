@@ -163,16 +163,17 @@ def test_it_names_the_cell_and_keeps_what_the_cell_depends_on(records: Records) 
     assert conditions(replace(records.cells[-1], provenance=origin)) == "commit 0123, torch 2.0"
 
 
-def test_of_several_view_sets_only_that_of_the_cell_is_kept(records: Records) -> None:
-    command = "python -m harness run --view-set my/chair 'my/drums' --bounds -1 -1 -1 1 1 1"
-    kept = made(records, command).split(" --methods")[0]
-    assert kept == "python -m harness run --view-set my/drums --bounds -1 -1 -1 1 1 1"
-
-
-def test_a_scene_file_is_kept_in_place_of_a_name(records: Records) -> None:
-    for given in ("--scene-file my.xml", "--scene-file=my.xml"):
-        command = f"python -m harness run {given}"
-        assert made(records, command).startswith(f"{command} --methods qnerf --seeds 1")
+@pytest.mark.parametrize(
+    ("given", "kept"),
+    [
+        ("--view-set my/chair 'my/drums' --bounds -1 -1 -1 1 1 1", "--view-set my/drums --bounds -1 -1 -1 1 1 1"),
+        ("--scene-file my.xml", "--scene-file my.xml"),
+        ("--scene-file=my.xml", "--scene-file=my.xml"),
+    ],
+)
+def test_the_cells_own_view_set_or_scene_file_is_kept(records: Records, given: str, kept: str) -> None:
+    start = f"python -m harness run {kept} --methods qnerf --seeds 1"
+    assert made(records, f"python -m harness run {given}").startswith(start)
 
 
 def test_studies_and_guests_have_no_command(records: Records) -> None:

@@ -31,9 +31,6 @@ def written(folder: Path, text: str, name: str = "mine.xml") -> Path:
     return folder / name
 
 
-# --- names, trust
-
-
 def test_names_are_fit_for_records_and_never_of_the_catalogue() -> None:
     assert name_of_file(Path("a/My scene (2).xml")) == "My-scene-2"
     assert name_of_file(Path("a/…….py")) == "scene"
@@ -41,50 +38,38 @@ def test_names_are_fit_for_records_and_never_of_the_catalogue() -> None:
     assert all(name_of_file(Path(f"{name}.py")) not in CATALOG for name in CATALOG)
 
 
-# --- what is known of an XML file without Mitsuba
-
-
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("name", "text", "message"),
     [
-        ("<scene", "not well-formed"),
-        ("<html/>", "<html>"),
-        ('<scene version="3.0.0"><emitter type="constant"/></scene>', "no <shape>"),
-        ('<scene version="3.0.0"><shape type="sphere"/></scene>', "no <emitter>"),
-        (BALL.replace("<emitter", '<include filename="none.xml"/><emitter'), "none.xml., which is not there"),
-    ],
-)
-def test_a_file_that_is_no_scene(tmp_path: Path, text: str, message: str) -> None:
-    with pytest.raises(InputError, match=message) as caught:
-        scene_from_file(written(tmp_path, text))
-    assert "mine.xml" in str(caught.value)
-    assert "\n" not in str(caught.value)
-
-
-# --- Python files
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("SCENE = 3", "no SCENE"),
-        ("def", r"SyntaxError"),
-        ("a = 1\n1 / 0", r"ZeroDivisionError in line 2: division by zero"),
-        ("raise SystemExit(3)", "SystemExit in line 1"),
-        (f"{IMPORT}def build():\n    return {{}}['x']\nSCENE = Scene('a', 'b', build)", "KeyError in line 3"),
-        ("import os\nos._exit(0)", "mine.py: ends the process with exit code 0"),
+        ("mine.xml", "<scene", "not well-formed"),
+        ("mine.xml", "<html/>", "<html>"),
+        ("mine.xml", '<scene version="3.0.0"><emitter type="constant"/></scene>', "no <shape>"),
+        ("mine.xml", '<scene version="3.0.0"><shape type="sphere"/></scene>', "no <emitter>"),
+        ("mine.xml", BALL.replace("<emitter", '<include filename="no.xml"/><emitter'), "no.xml., which is not there"),
+        ("mine.py", "SCENE = 3", "no SCENE"),
+        ("mine.py", "def", r"SyntaxError"),
+        ("mine.py", "a = 1\n1 / 0", r"ZeroDivisionError in line 2: division by zero"),
+        ("mine.py", "raise SystemExit(3)", "SystemExit in line 1"),
         (
+            "mine.py",
+            f"{IMPORT}def build():\n    return {{}}['x']\nSCENE = Scene('a', 'b', build)",
+            "KeyError in line 3",
+        ),
+        ("mine.py", "import os\nos._exit(0)", "mine.py: ends the process with exit code 0"),
+        (
+            "mine.py",
             f"{IMPORT}import random\nSCENE = Scene('a', 'b', lambda: {{'x': random.random()}})",
             "gives a different result each time",
         ),
-        (f"{IMPORT}SCENE = Scene('a', 'b', lambda: [1])", "build.. gives list"),
-        (f"{IMPORT}SCENE = Scene('a', 'b', dict, near=7.0)", "near 7.0"),
+        ("mine.py", f"{IMPORT}SCENE = Scene('a', 'b', lambda: [1])", "build.. gives list"),
+        ("mine.py", f"{IMPORT}SCENE = Scene('a', 'b', dict, near=7.0)", "near 7.0"),
     ],
 )
-def test_python_that_is_no_scene(tmp_path: Path, text: str, message: str) -> None:
-    file = written(tmp_path, text, "mine.py")
-    with pytest.raises(InputError, match=message):
-        scene_from_file(file)
+def test_a_file_that_is_no_scene(tmp_path: Path, name: str, text: str, message: str) -> None:
+    with pytest.raises(InputError, match=message) as caught:
+        scene_from_file(written(tmp_path, text, name))
+    assert name in str(caught.value)
+    assert "\n" not in str(caught.value)
 
 
 def test_a_neighbour_can_be_imported_and_the_path_is_left_as_it_was(tmp_path: Path) -> None:
@@ -119,9 +104,6 @@ def test_a_disk_that_fails_later_is_told_apart_from_a_file_that_fails(tmp_path: 
             raise OSError("full")
 
 
-# --- where a scene is put
-
-
 @pytest.mark.parametrize("up", [(0, 1, 0), (0, -1, 0.2), (1, 0, 0), (0, 0, 1), (0.1, 0, -3)])
 def test_a_placed_scene_is_upright_right_handed_and_seen_whole(up: tuple[float, float, float]) -> None:
     box = np.array([[10.0, -4, 2], [14.0, 8, 3]])
@@ -142,9 +124,6 @@ def test_a_placed_scene_is_upright_right_handed_and_seen_whole(up: tuple[float, 
         seen = (corners - theirs[:3, 3]) @ theirs[:3, :3] * placed.scale
         assert np.allclose(seen, inside, atol=1e-9)
         assert np.allclose(theirs[:3, :3] @ theirs[:3, :3].T, np.eye(3))
-
-
-# --- through Mitsuba
 
 
 def render(file: Path, cache: Path, *options: str) -> int:

@@ -5,22 +5,12 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from scenes.files.atomic import remove_leftovers, replacing, require_suffix, write_atomically
 from scenes.files.errors import InputError
-
-NO_SPACE = errno.ENOSPC, os.strerror(errno.ENOSPC)
-
-
-def refusing(error: BaseException) -> Callable[..., None]:
-    def refuse(*_: object) -> None:
-        raise error
-
-    return refuse
 
 
 @pytest.mark.parametrize("killed_at", ["os.fsync", "pathlib.Path.replace"])
@@ -40,13 +30,16 @@ def test_a_killed_write_leaves_the_old_file_and_a_part_that_is_known(killed_at: 
 
 
 @pytest.mark.parametrize("refused", ["os.fsync", "pathlib.Path.replace"])
-@pytest.mark.parametrize("error", [OSError(*NO_SPACE), KeyboardInterrupt()])
+@pytest.mark.parametrize("error", [OSError(errno.ENOSPC, "full"), KeyboardInterrupt()])
 def test_a_write_that_fails_names_the_file_and_leaves_what_was_there(
     refused: str, error: BaseException, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    def refuse(*_: object) -> None:
+        raise error
+
     (file := tmp_path / "a.json").write_text("old")
     with monkeypatch.context() as patch:
-        patch.setattr(refused, refusing(error))
+        patch.setattr(refused, refuse)
         with pytest.raises(type(error)) as caught:
             write_atomically(file, b"new")
     if isinstance(caught.value, OSError):

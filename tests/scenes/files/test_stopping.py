@@ -103,9 +103,6 @@ def test_what_was_started_does_not_outlive_it() -> None:
         assert is_gone(int(number))
 
 
-# trials
-
-
 @pytest.mark.parametrize(
     ("code", "message"),
     [

@@ -12,7 +12,6 @@ from scenes.catalog.stress.scales import TINY, described, unit
 from scenes.files.errors import InputError
 from scenes.modelling.normalise import Similarity, box_of, check_scale, check_unit, normalised, to_unit
 from scenes.modelling.scene import Description, Scene
-from scenes.rendering.variant import Variant
 from tests.scenes.loading import load
 
 TURN = np.array([[0.0, -2.0, 0.0, 5.0], [2.0, 0.0, 0.0, 0.0], [0.0, 0.0, 2.0, -1.0], [0.0, 0.0, 0.0, 1.0]])
@@ -40,9 +39,9 @@ def test_boxes_are_those_worked_out_by_hand(entry: Description, low: list[float]
     assert box == pytest.approx(np.array([low, high], dtype=float), abs=1e-12)
 
 
-def test_boxes_are_mitsubas(scalar: Variant) -> None:
+def test_boxes_are_mitsubas() -> None:
     description = described(Similarity(0.7, (0.1, -0.2, 0.3)))
-    assert box_of(description) == pytest.approx(load(description, scalar, 4).box(), abs=1e-5)
+    assert box_of(description) == pytest.approx(load(description, 4).box(), abs=1e-5)
 
 
 @given(st.floats(1e-4, 1e4), st.tuples(*[st.floats(-1e5, 1e5)] * 3))
@@ -91,10 +90,10 @@ def test_what_cannot_be_measured_is_refused(entry: Description, message: str) ->
         to_unit(np.zeros((2, 3)))
 
 
-def test_rendering_as_it_is_is_refused(scalar: Variant) -> None:
+def test_rendering_as_it_is_is_refused() -> None:
     for change in (TINY, Similarity(1.0, (1e3, 0.0, 0.0)), Similarity(1e4, (0.0, 0.0, 0.0))):
         with pytest.raises(InputError, match=r"units long.*normalise"):
-            load(described(change), scalar, 4)
+            load(described(change), 4)
     check_scale(np.array([[-1.0] * 3, [1.0] * 3]))
 
 

@@ -1,46 +1,39 @@
 """Mitsuba's rays are those of the harness, its radiance is the known one, and the stated noise is the true noise."""
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import pytest
 
+from scenes.catalog.stress.patterns import rgb, sky
 from scenes.files.errors import InputError
 from scenes.modelling.scene import Description, Scene
-from scenes.modelling.solids import ball, box, mesh
+from scenes.modelling.solids import Solid, ball, box, mesh
+from scenes.modelling.surfaces import matte
 from scenes.modelling.truth import pixel_rays
 from scenes.rendering.render import LoadedScene, RenderedView, RenderError, even_spp, render_views, seed_from
-from scenes.rendering.variant import Variant
 from scenes.view_sets.pixels import display_from_linear, over_white
 from scenes.view_sets.viewpoints import FOV_X_RADIANS, RADIUS, all_poses, poses_on_sphere
-from tests.scenes.loading import load
+from tests.scenes.loading import SCALAR, load, tiny_description
 
-WHITE_SKY = {"type": "constant", "radiance": {"type": "rgb", "value": [1.0, 1.0, 1.0]}}
+POSE = poses_on_sphere(np.array([0.7]), np.array([0.5]))
 
 
 def grey(albedo: float) -> Description:
-    return {"type": "diffuse", "reflectance": {"type": "rgb", "value": [albedo] * 3}}
+    return matte(rgb(albedo))
 
 
 def sphere(radius: float, bsdf: Description, center: tuple[float, float, float] = (0, 0, 0)) -> Description:
     return {"type": "sphere", "radius": radius, "center": list(center), "bsdf": bsdf}
 
 
-@pytest.fixture
-def seen(scalar: Variant) -> Callable[..., RenderedView]:
-    """One view of some shapes under a white sky."""
-
-    def see(
-        shapes: Description, pose: np.ndarray | None = None, size: int = 24, spp: int = 64, max_depth: int = 6,
-        width: int | None = None,
-    ) -> RenderedView:  # fmt: skip
-        description = {"sky": WHITE_SKY, **shapes}
-        scene = load(description, scalar, size, width, max_depth)
-        pose = poses_on_sphere(np.array([0.7]), np.array([0.5]))[0] if pose is None else pose
-        return next(render_views(scene, pose[None], spp, [0], ["view"]))
-
-    return see
+def seen(
+    shapes: Description, pose: np.ndarray | None = None, size: int = 24, spp: int = 64, max_depth: int = 6,
+    width: int | None = None,
+) -> RenderedView:  # fmt: skip
+    """Return one view of some shapes under a white sky."""
+    scene = load({"sky": sky(), **shapes}, size, width, max_depth)
+    return next(render_views(scene, POSE if pose is None else pose[None], spp, [0], ["view"]))
 
 
 def projected(point: np.ndarray, camera_to_world: np.ndarray, width: int, height: int) -> np.ndarray:
@@ -52,7 +45,7 @@ def projected(point: np.ndarray, camera_to_world: np.ndarray, width: int, height
 
 @pytest.mark.parametrize("pose", [*all_poses("test")[[0, 31, 77, 150]], *all_poses("train", "sphere")[:3]])
 @pytest.mark.parametrize(("width", "height"), [(48, 48), (47, 30)])
-def test_mitsubas_rays_are_ours(seen: Callable[..., RenderedView], pose: np.ndarray, width: int, height: int) -> None:
+def test_mitsubas_rays_are_ours(pose: np.ndarray, width: int, height: int) -> None:
     point = np.array([0.35, -0.28, 0.22])
     view = seen({"dot": sphere(0.06, grey(0.5), tuple(point))}, pose, size=height, width=width, spp=128)
     alpha = view.rgba[..., 3].astype(np.float64)
@@ -61,7 +54,7 @@ def test_mitsubas_rays_are_ours(seen: Callable[..., RenderedView], pose: np.ndar
     assert np.abs(centroid - projected(point, pose, width, height)).max() < 0.05  # half a pixel off would be 0.5
 
 
-def test_depth_is_the_distance_along_the_unit_ray(seen: Callable[..., RenderedView]) -> None:
+def test_depth_is_the_distance_along_the_unit_ray() -> None:
     pose, size, pieces = poses_on_sphere(np.array([0.2]), np.array([0.6]))[0], 40, 10
     view = seen({"ball": sphere(1.0, grey(0.5))}, pose, size=size, spp=256)
     _, direction = pixel_rays(pose, size, size, pieces)
@@ -83,9 +76,7 @@ def test_depth_is_the_distance_along_the_unit_ray(seen: Callable[..., RenderedVi
 
 
 @pytest.mark.parametrize("albedo", [0.0, 0.18, 0.5, 1.0])
-def test_a_convex_body_under_a_uniform_sky_has_its_albedo_as_radiance(
-    seen: Callable[..., RenderedView], albedo: float
-) -> None:
+def test_a_convex_body_under_a_uniform_sky_has_its_albedo_as_radiance(albedo: float) -> None:
     view = seen({"ball": sphere(0.9, grey(albedo))}, spp=128)
     complete = view.rgba[..., 3] == 1
     assert complete.sum() > 50
@@ -93,9 +84,9 @@ def test_a_convex_body_under_a_uniform_sky_has_its_albedo_as_radiance(
     assert (view.rgba[view.rgba[..., 3] == 0] == 0).all()
 
 
-def test_a_mesh_is_the_shape_that_it_describes(seen: Callable[..., RenderedView]) -> None:
+def test_a_mesh_is_the_shape_that_it_describes() -> None:
     """Vertices, faces, normals and uv reach Mitsuba: a fine mesh of a ball looks like the ball."""
-    bsdf = {"type": "diffuse", "reflectance": {"type": "rgb", "value": [0.7, 0.2, 0.1]}}
+    bsdf = matte((0.7, 0.2, 0.1))
     exact = seen({"ball": sphere(0.8, bsdf)}, spp=64)
     meshed = seen({"ball": mesh(ball(0.8, 96), bsdf)}, spp=64)
     assert np.abs(exact.rgba - meshed.rgba).mean() < 0.01
@@ -103,16 +94,12 @@ def test_a_mesh_is_the_shape_that_it_describes(seen: Callable[..., RenderedView]
     assert np.abs(exact.normal - meshed.normal)[exact.rgba[..., 3] == 1].max() < 0.2
 
 
-def test_textures_are_linear_colour_at_the_right_place(seen: Callable[..., RenderedView]) -> None:
+def test_textures_are_linear_colour_at_the_right_place() -> None:
     picture = np.zeros((2, 2, 3), np.float32)
     picture[0], picture[1] = [0.2, 0.0, 0.0], [0.0, 0.4, 0.0]
-    floor: Description = {
-        "type": "mesh",
-        "vertices": np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float32),
-        "faces": np.array([[0, 1, 2], [0, 2, 3]], np.uint32),
-        "uv": np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32),
-        "bsdf": {"type": "diffuse", "reflectance": {"type": "bitmap", "data": picture, "filter_type": "nearest"}},
-    }
+    uv = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+    square = Solid(np.c_[2 * uv - 1, np.zeros(4)], np.array([[0, 1, 2], [0, 2, 3]]), uv)
+    floor = mesh(square, matte({"type": "bitmap", "data": picture, "filter_type": "nearest"}))
     above = poses_on_sphere(np.array([-np.pi / 2]), np.array([np.pi / 2 - 1e-3]))[0]  # x to the right, y up
     view = seen({"floor": floor}, above, spp=64)
     middle = view.rgba[:, 12, :3]
@@ -125,21 +112,21 @@ def test_textures_are_linear_colour_at_the_right_place(seen: Callable[..., Rende
 @pytest.mark.parametrize(
     "bsdf", [{"type": "dielectric"}, {"type": "roughdielectric", "alpha": 0.1}, {"type": "conductor"}]
 )
-def test_glass_is_an_object_and_not_a_hole(seen: Callable[..., RenderedView], bsdf: Description) -> None:
+def test_glass_is_an_object_and_not_a_hole(bsdf: Description) -> None:
     view = seen({"glass": sphere(0.9, bsdf)}, spp=32, max_depth=12)
     assert view.rgba[12, 12, 3] == 1
     assert view.rgba[0, 0, 3] == 0
     assert view.rgba[10:14, 10:14, :3].mean() > 0.3
 
 
-def test_half_covered_pixels_have_half_the_alpha(seen: Callable[..., RenderedView]) -> None:
+def test_half_covered_pixels_have_half_the_alpha() -> None:
     pose = poses_on_sphere(np.array([0.0]), np.array([0.0]))[0]  # looks along −x; y to the right
     view = seen({"block": mesh(box(0.01, 4, 4).moved(y=2), grey(0.5))}, pose, size=9, spp=256)
     assert view.rgba[4, :, 3] == pytest.approx([0, 0, 0, 0, 0.5, 1, 1, 1, 1], abs=0.02)
 
 
-def test_the_stated_variance_is_the_variance(scalar: Variant, description: Description) -> None:
-    scene = load(description, scalar, 16)
+def test_the_stated_variance_is_the_variance() -> None:
+    scene = load(tiny_description(), 16)
     pose = all_poses("test")[:1]
     truth = next(render_views(scene, pose, 4096, [99], ["truth"]))
     views = list(render_views(scene, np.repeat(pose, 40, 0), 8, range(40), [str(n) for n in range(40)]))
@@ -158,12 +145,12 @@ def test_the_stated_variance_is_the_variance(scalar: Variant, description: Descr
     assert z.std() == pytest.approx(1.0, abs=0.2)
 
 
-def test_without_media_both_integrators_give_the_same_light(scalar: Variant) -> None:
+def test_without_media_both_integrators_give_the_same_light() -> None:
     """What needs no volumetric integrator is rendered by `path`, without bias. The mean product of two independent
     differences is the square of the true one, without noise.
     """
     description = {
-        "sky": WHITE_SKY,
+        "sky": sky(),
         "a": sphere(0.8, {"type": "conductor"}),
         "b": sphere(0.5, grey(0.6), (0.9, 0, 0.9)),
     }
@@ -172,7 +159,7 @@ def test_without_media_both_integrators_give_the_same_light(scalar: Variant) -> 
     def squared(scale: float) -> float:
         halves = {}
         for name in ("path", "volpath"):
-            loaded = LoadedScene(scene, description, scalar, 16, 16, name)
+            loaded = LoadedScene(scene, description, SCALAR, 16, 16, name)
             images = [loaded.colour(all_poses("test")[3], 64, seed_from(name, half)) for half in "ab"]
             shown = [over_white(display_from_linear(scale * image if name == "path" else image)) for image in images]
             halves[name] = [image.astype(np.float64).reshape(4, 4, 4, 4, 3).mean(axis=(1, 3)) for image in shown]
@@ -186,10 +173,8 @@ def test_every_view_has_a_seed_of_its_own() -> None:
     assert len({seed_from(scene, split, n) for scene in "ab" for split in "cd" for n in range(1000)}) == 4000
 
 
-def test_passes_add_up_to_the_same_mean(
-    scalar: Variant, description: Description, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    scene = load(description, scalar, 12)
+def test_passes_add_up_to_the_same_mean(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = load(tiny_description(), 12)
     pose = all_poses("test")[3]
     complete = scene.colour(pose, 1024, 1)
     monkeypatch.setattr("scenes.rendering.render.LARGEST_WAVEFRONT", 12 * 12 * 64)
@@ -210,10 +195,8 @@ def test_sample_counts_fit_the_strata() -> None:
 @pytest.mark.parametrize(
     "matrix", [np.full((4, 4), np.nan), np.zeros((4, 4)), np.diag([1.0, 1, 0, 1]), np.diag([3.0, 3, 3, 1])]
 )
-def test_poses_that_mitsuba_would_show_as_background_are_refused(
-    scalar: Variant, description: Description, matrix: np.ndarray
-) -> None:
-    scene = load(description, scalar, 8)
+def test_poses_that_mitsuba_would_show_as_background_are_refused(matrix: np.ndarray) -> None:
+    scene = load(tiny_description(), 8)
     poses = np.stack([all_poses("test")[0], matrix])
     with pytest.raises(InputError, match="second"):
         next(render_views(scene, poses, 4, [0, 1], ["first", "second"]))
@@ -222,19 +205,19 @@ def test_poses_that_mitsuba_would_show_as_background_are_refused(
 
 
 @pytest.mark.parametrize("radiance", [float("nan"), float("inf")])
-def test_an_image_that_is_not_finite_is_never_stored(scalar: Variant, radiance: float) -> None:
-    sky = {"type": "constant", "radiance": {"type": "rgb", "value": [radiance, 1.0, 1.0]}}
+def test_an_image_that_is_not_finite_is_never_stored(radiance: float) -> None:
+    light = {"type": "constant", "radiance": rgb(radiance, 1.0, 1.0)}
     try:
-        scene = load({"sky": sky, "ball": sphere(0.9, grey(0.5))}, scalar, 8)
+        scene = load({"sky": light, "ball": sphere(0.9, grey(0.5))}, 8)
     except RuntimeError:
         return  # Mitsuba itself refuses
     with pytest.raises(RenderError, match=r"view: .* not finite"):
         next(render_views(scene, all_poses("test")[:1], 4, [0], ["view"]))
 
 
-def test_a_scene_without_shapes_has_no_box(scalar: Variant) -> None:
+def test_a_scene_without_shapes_has_no_box() -> None:
     with pytest.raises(RenderError, match="no shape"):
-        load({"sky": WHITE_SKY}, scalar, 8).bounds()
+        load({"sky": sky()}, 8).bounds()
 
 
 @pytest.mark.parametrize(
@@ -244,31 +227,29 @@ def test_a_scene_without_shapes_has_no_box(scalar: Variant) -> None:
         {"type": "mesh", "vertices": np.zeros((3, 3)), "faces": np.zeros((1, 3)), "colour": 1},
     ],
 )
-def test_what_a_description_cannot_say_is_refused(scalar: Variant, entry: Description) -> None:
+def test_what_a_description_cannot_say_is_refused(entry: Description) -> None:
     with pytest.raises(RenderError, match=r"checkerboard|colour"):
-        load({"sky": WHITE_SKY, "thing": entry}, scalar, 8)
+        load({"sky": sky(), "thing": entry}, 8)
 
 
-def test_what_glows_is_seen_only_where_the_scene_says_so(scalar: Variant) -> None:
-    glow = {"type": "area", "radiance": {"type": "rgb", "value": [0.3, 0.2, 0.1]}}
+def test_what_glows_is_seen_only_where_the_scene_says_so() -> None:
+    glow = {"type": "area", "radiance": rgb(0.3, 0.2, 0.1)}
     lamp = {"lamp": {**sphere(0.8, grey(0.0)), "emitter": glow}}
-    pose = poses_on_sphere(np.array([0.7]), np.array([0.5]))
     for shown in (False, True):
-        scene = load(lamp, scalar, 9, max_depth=3, emitters_seen=shown)
-        view = next(render_views(scene, pose, 4, [0], ["view"]))
+        scene = load(lamp, 9, max_depth=3, emitters_seen=shown)
+        view = next(render_views(scene, POSE, 4, [0], ["view"]))
         expected = [0.3, 0.2, 0.1, 1.0] if shown else [0.0] * 4
         assert view.rgba[4, 4] == pytest.approx(expected, abs=1e-6)
         assert view.rgba[0, 0] == pytest.approx([0.0] * 4)
 
 
-def test_a_lamp_that_is_hidden_is_in_no_depth_and_no_normal(scalar: Variant) -> None:
+def test_a_lamp_that_is_hidden_is_in_no_depth_and_no_normal() -> None:
     """A lamp between the camera and a ball: depth and normals are those of the ball."""
-    thing = {"ball": sphere(0.4, grey(0.6)), "sky": WHITE_SKY}
-    glow = {"type": "area", "radiance": {"type": "rgb", "value": [3.0, 3.0, 3.0]}}
-    pose = poses_on_sphere(np.array([0.7]), np.array([0.5]))
-    lamp = {**sphere(0.3, grey(0.0), tuple((0.3 * pose[0, :3, 3]).tolist())), "emitter": glow}
+    thing = {"ball": sphere(0.4, grey(0.6)), "sky": sky()}
+    glow = {"type": "area", "radiance": rgb(3.0)}
+    lamp = {**sphere(0.3, grey(0.0), tuple((0.3 * POSE[0, :3, 3]).tolist())), "emitter": glow}
     lit, plain = (
-        next(render_views(load(shapes, scalar, 15, max_depth=3), pose, 8, [0], ["view"]))
+        next(render_views(load(shapes, 15, max_depth=3), POSE, 8, [0], ["view"]))
         for shapes in ({**thing, "lamp": lamp}, thing)
     )
     assert np.array_equal(lit.depth, plain.depth)
@@ -278,10 +259,10 @@ def test_a_lamp_that_is_hidden_is_in_no_depth_and_no_normal(scalar: Variant) -> 
     assert lit.rgba[7, 7, 0] > plain.rgba[7, 7, 0] + 0.1  # it does light the ball
 
 
-def test_instances_beside_a_lamp_are_refused(scalar: Variant) -> None:
+def test_instances_beside_a_lamp_are_refused() -> None:
     lamp = {"lamp": {**sphere(0.3, grey(0.0), (0, 0, 2)), "emitter": {"type": "area"}}}
     group = {"group": {"type": "shapegroup", "ball": sphere(0.4, grey(0.5))}}
     placed = {"placed": {"type": "instance", "of": {"type": "ref", "id": "group"}}}
-    load({**group, **placed, "sky": WHITE_SKY}, scalar, 4)
+    load({**group, **placed, "sky": sky()}, 4)
     with pytest.raises(InputError, match="instances and a glowing shape"):
-        load({**group, **placed, **lamp}, scalar, 4)
+        load({**group, **placed, **lamp}, 4)

@@ -2,22 +2,19 @@
 variance, and a tiny scene that Mitsuba renders.
 """
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from scenes.files.errors import InputError
-from scenes.modelling.scene import Scene
 from scenes.rendering import noise_study, samples
 from scenes.rendering.noise_study import rerender, rerender_noise
 from scenes.rendering.order import NoiseTarget
 from scenes.rendering.samples import PILOT_SPP, PILOT_VIEWS, chosen_samples, noise_curve, samples_for
-from scenes.rendering.variant import Variant
 from scenes.view_sets.manifest import read_manifest
+from tests.scenes.loading import SCALAR, TINY, render_tiny
 
-Render = Callable[..., Path]
 TARGET = NoiseTarget(40.0, most=256)
 """A mean square error of 1e-4."""
 SLOPE = 1.055 / 2.4 * 0.2 ** (1 / 2.4 - 1)
@@ -118,7 +115,7 @@ def test_a_render_that_is_not_finite_is_refused() -> None:
         choose(Noisy(np.nan), {"train": TARGET}, {"train": cameras(0)})
 
 
-def test_a_view_set_has_the_ceiling_and_says_how_it_was_chosen(render_tiny: Render, tmp_path: Path) -> None:
+def test_a_view_set_has_the_ceiling_and_says_how_it_was_chosen(tmp_path: Path) -> None:
     targets = {"train": NoiseTarget(35.0, 1024), "val": 4, "test": NoiseTarget(42.0, 1024)}
     manifest = read_manifest(render_tiny(tmp_path, spp=targets))
     noise = {
@@ -139,8 +136,6 @@ def test_a_view_set_has_the_ceiling_and_says_how_it_was_chosen(render_tiny: Rend
     render_tiny(tmp_path, spp=targets | {"test": NoiseTarget(42.0, 1023)})
     assert len(list(tmp_path.iterdir())) == 3
 
-
-# the noise of renders
 
 VARIANCE = 0.02**2
 POSE = np.eye(4)
@@ -167,11 +162,9 @@ def test_what_lies_above_white_has_no_noise() -> None:
     assert rerender_noise(renderer, renderer.colour(POSE, 4, 1), POSE, 16, 1, "test/r_0") == (0.0, 0.0)
 
 
-def test_test_views_of_a_view_set_are_rendered_again(
-    stored_once: Path, tiny_scene: Scene, scalar: Variant, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(noise_study, "scene_named", lambda name: tiny_scene)
-    rows = list(rerender(stored_once, 1, scalar))
+def test_test_views_of_a_view_set_are_rendered_again(stored_once: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(noise_study, "scene_named", lambda name: TINY)
+    rows = list(rerender(stored_once, 1, SCALAR))
     manifest = read_manifest(stored_once)
     assert [row.view for row in rows] == ["test/r_0", "test/r_1"]
     assert [row.stored for row in rows] == [manifest["views"][row.view]["noise_mse"] for row in rows]
@@ -183,11 +176,11 @@ def test_test_views_of_a_view_set_are_rendered_again(
         assert len({row.again, row.stored, row.halves}) == 3
 
 
-def test_wrong_input_is_named(tmp_path: Path, scalar: Variant, render_tiny: Render) -> None:
+def test_wrong_input_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="not a rendered view set"):
-        next(rerender(tmp_path, 1, scalar))
+        next(rerender(tmp_path, 1, SCALAR))
     with pytest.raises(InputError, match="--repeats 0"):
-        next(rerender(tmp_path, 0, scalar))
+        next(rerender(tmp_path, 0, SCALAR))
     without = render_tiny(tmp_path, counts={"train": 1, "val": 0, "test": 0})
     with pytest.raises(InputError, match="has no test views"):
-        next(rerender(without, 1, scalar))
+        next(rerender(without, 1, SCALAR))

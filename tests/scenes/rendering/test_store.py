@@ -6,7 +6,6 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -27,13 +26,13 @@ from scenes.rendering.writer import Standing
 from scenes.view_sets.manifest import check_all
 from scenes.view_sets.view_set import read_view_set
 from tests.scenes.captures import flip
+from tests.scenes.loading import TINY, render_tiny
 
 ROOT = Path(scenes.__file__).parents[1]
-Render = Callable[..., Path]
 SPP = dict.fromkeys(("train", "val", "test"), 4)
 
 
-def test_a_complete_set_is_used_again(render_tiny: Render, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_complete_set_is_used_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     steps: list[Standing] = []
     first = render_tiny(tmp_path, progress=steps.append)
     assert [(step.done, step.total, step.kept) for step in steps] == [(n, 6, 0) for n in range(7)]
@@ -49,7 +48,7 @@ def test_a_complete_set_is_used_again(render_tiny: Render, tmp_path: Path, monke
 
 
 @pytest.mark.parametrize("damage", ["flip", "remove", "manifest", "no manifest"])
-def test_damage_is_rendered_again(render_tiny: Render, tmp_path: Path, damage: str) -> None:
+def test_damage_is_rendered_again(tmp_path: Path, damage: str) -> None:
     path = render_tiny(tmp_path)
     before = read_view_set(path).test
     victim = path / ("view_set.json" if "manifest" in damage else "test/r_1.exr")
@@ -70,9 +69,9 @@ def order_of(scene: Scene, **changes: object) -> Order:
     return checked_order(scene, **options)  # type: ignore[arg-type]
 
 
-def test_the_digest_depends_on_everything(tiny_scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
-    description = tiny_scene.build()
-    base = order_of(tiny_scene)
+def test_the_digest_depends_on_everything(monkeypatch: pytest.MonkeyPatch) -> None:
+    description = TINY.build()
+    base = order_of(TINY)
     moved = {**description, "ball": {**description["ball"], "radius": 0.6000001}}
     vertices = description["floor"]["vertices"].copy()
     vertices[0, 0] = np.nextafter(vertices[0, 0], 2)
@@ -80,24 +79,24 @@ def test_the_digest_depends_on_everything(tiny_scene: Scene, monkeypatch: pytest
     orders = [
         base,
         replace(base, similarity=Similarity(2.0, (0.0, 0.0, 0.0))),
-        order_of(replace(tiny_scene, build=lambda: moved)),
-        order_of(replace(tiny_scene, build=lambda: bent)),
-        order_of(replace(tiny_scene, max_depth=5)),
-        order_of(replace(tiny_scene, view_from="sphere")),
-        order_of(replace(tiny_scene, emitters_seen=True)),
-        order_of(replace(tiny_scene, box=((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)))),
-        order_of(tiny_scene, resolution=9),
-        order_of(tiny_scene, counts={"train": 4, "val": 0, "test": 2}),
-        order_of(tiny_scene, spp=SPP | {"test": 5}),
+        order_of(replace(TINY, build=lambda: moved)),
+        order_of(replace(TINY, build=lambda: bent)),
+        order_of(replace(TINY, max_depth=5)),
+        order_of(replace(TINY, view_from="sphere")),
+        order_of(replace(TINY, emitters_seen=True)),
+        order_of(replace(TINY, box=((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)))),
+        order_of(TINY, resolution=9),
+        order_of(TINY, counts={"train": 4, "val": 0, "test": 2}),
+        order_of(TINY, spp=SPP | {"test": 5}),
     ]
     digests = [base.digest("llvm_ad_rgb"), *(order.digest("scalar_rgb") for order in orders)]
-    assert order_of(tiny_scene).digest("scalar_rgb") == digests[1]
+    assert order_of(TINY).digest("scalar_rgb") == digests[1]
     monkeypatch.setattr("scenes.rendering.order.versions", lambda: {"mitsuba": "9.9.9"})
     digests.append(base.digest("scalar_rgb"))
     assert len(set(digests)) == len(digests)
 
 
-def test_a_set_that_another_processor_rendered_is_used(tiny_scene: Scene) -> None:
+def test_a_set_that_another_processor_rendered_is_used() -> None:
     """Its matrix products have other last bits of float64, and rounding errors in place of zeros."""
 
     def elsewhere(value: Any) -> Any:
@@ -108,9 +107,9 @@ def test_a_set_that_another_processor_rendered_is_used(tiny_scene: Scene) -> Non
         return value
 
     turned = {"ball": {"to_world": np.diag([0.3, 0.3, 0.3, 1.0])}}
-    description = {**tiny_scene.build(), **turned}
+    description = {**TINY.build(), **turned}
     here, there = (
-        order_of(replace(tiny_scene, build=lambda built=built: built)).digest("scalar_rgb")
+        order_of(replace(TINY, build=lambda built=built: built)).digest("scalar_rgb")
         for built in (description, elsewhere(description))
     )
     assert here == there
@@ -167,7 +166,7 @@ def test_what_cannot_be_hashed_is_refused() -> None:
         ({"variant": "fast"}, "unknown Mitsuba variant"),
     ],
 )  # fmt: skip
-def test_bad_requests_are_refused(render_tiny: Render, tmp_path: Path, changes: dict[str, Any], message: str) -> None:
+def test_bad_requests_are_refused(tmp_path: Path, changes: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
         render_tiny(tmp_path / "cache", **changes)
     assert not (tmp_path / "cache").exists()
@@ -182,7 +181,7 @@ def test_bad_requests_are_refused(render_tiny: Render, tmp_path: Path, changes: 
     ],
 )
 def test_a_disk_that_refuses_is_bad_input_and_leaves_nothing(
-    render_tiny: Render, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int, message: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int, message: str
 ) -> None:
     def refuse(file: Path, _: object) -> None:
         raise OSError(number, os.strerror(number), str(file))
@@ -193,15 +192,13 @@ def test_a_disk_that_refuses_is_bad_input_and_leaves_nothing(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_file_in_the_way_of_the_cache(render_tiny: Render, tmp_path: Path) -> None:
+def test_a_file_in_the_way_of_the_cache(tmp_path: Path) -> None:
     (tmp_path / "cache").write_text("")
     with pytest.raises(InputError, match="--view-sets"):
         render_tiny(tmp_path / "cache")
 
 
-def test_a_faster_process_is_not_disturbed(
-    render_tiny: Render, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_faster_process_is_not_disturbed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Between the look into the cache and the renaming, another process puts its own set there."""
     plain = store.write_view_set
 
@@ -218,9 +215,7 @@ def test_a_faster_process_is_not_disturbed(
     assert sorted(entry.name for entry in tmp_path.iterdir()) == [path.name]
 
 
-def test_nothing_is_written_into_a_set_that_is_in_place(
-    render_tiny: Render, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_nothing_is_written_into_a_set_that_is_in_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The leftovers of a killed writer would stay there for ever."""
     plain = store._move_into_place
 

@@ -17,8 +17,6 @@ from scenes.view_sets.view_set import read_view_set
 from scenes.view_sets.viewpoints import all_poses
 from tests.scenes.captures import as_load_blender, capture
 
-# --- by the rules of other programs
-
 
 def as_nerfstudio(folder: Path, split: str) -> tuple[list[Path], np.ndarray, dict[str, float]]:
     """Images, poses and intrinsics as nerfstudio 1.1.5 finds them (`nerfstudio_dataparser.py`): frames sorted by path,
@@ -58,9 +56,6 @@ def test_the_original_loader_finds_all_three_splits(ball: Path, tmp_path: Path) 
         assert [file.read_bytes() for file in files] == [
             (ball / f"{frame['file_path']}.png").read_bytes() for frame in meta["frames"]
         ]
-
-
-# --- round trips
 
 
 def test_through_nerfstudio_and_back(ball: Path, studio: Path) -> None:

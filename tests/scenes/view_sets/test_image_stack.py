@@ -5,6 +5,7 @@ import resource
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -108,10 +109,7 @@ def test_a_folder_that_is_missing_is_named(tmp_path: Path) -> None:
 
 
 def test_room_is_asked_for_all_stacks_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    class Usage:
-        free = 8 << 20
-
-    monkeypatch.setattr("shutil.disk_usage", lambda folder: Usage)
+    monkeypatch.setattr("shutil.disk_usage", lambda folder: SimpleNamespace(free=8 << 20))
     shapes = [(512, 512, 4), (512, 512)]  # 5 MiB
     require_room(shapes, 1, tmp_path)
     with pytest.raises(InputError, match="they take 10 MiB, 8 MiB are free"):

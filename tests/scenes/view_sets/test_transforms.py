@@ -11,13 +11,7 @@ import pytest
 
 from scenes.files.errors import InputError
 from scenes.view_sets.formats.lens import Lens, common_pinhole
-from scenes.view_sets.formats.transforms import (
-    LARGEST_FILE,
-    Listing,
-    read_listing,
-    read_transforms,
-    write_transforms,
-)
+from scenes.view_sets.formats.transforms import LARGEST_FILE, Listing, read_listing, read_transforms, write_transforms
 from scenes.view_sets.images import write_png
 from scenes.view_sets.viewpoints import all_poses
 from tests.scenes import captures

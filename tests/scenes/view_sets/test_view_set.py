@@ -76,9 +76,6 @@ def test_counts_take_subsets_spread_over_azimuth(stored_once: Path) -> None:
     assert (complete.train.depth, complete.test.depth is None) == (None, False)  # geometry only of the test views
 
 
-# --- folders of other programs
-
-
 @pytest.fixture
 def foreign(tmp_path: Path) -> Path:
     """A folder like `nerf_synthetic/lego`: 40 × 40 RGBA PNGs, no EXR, no manifest, no val, extra test files."""
@@ -146,9 +143,6 @@ def test_more_than_the_disk_has_room_for_is_refused(foreign: Path, monkeypatch: 
     assert read_view_set(foreign, resolution=10, scratch=foreign).width == 10
 
 
-# --- rendered here, damaged
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -202,9 +196,6 @@ def test_facts_that_are_null_are_refused(view_set: Path, key: str) -> None:
     rewritten(view_set, **{key: None})
     with pytest.raises(DamagedViewSet, match=rf"got `null` - at `\$\.{key}`: render"):
         read_view_set(view_set)
-
-
-# --- views of an unfinished set: only intact views are taken
 
 
 GOOD = {"noise_mse": 1e-6, "seconds": 0.5, "seen": True, "lit": False}

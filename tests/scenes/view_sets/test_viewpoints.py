@@ -36,9 +36,8 @@ def test_every_camera_is_rigid_looks_at_the_origin_and_has_no_roll(split: str, v
     assert np.abs(np.einsum("nij,nik->njk", rotation, rotation) - np.eye(3)).max() < 1e-12
     assert np.allclose(np.linalg.det(rotation), 1)
     assert np.allclose(np.linalg.norm(position, axis=1), np.sqrt(4**2 + 0.5**2))
-    assert np.allclose(
-        rotation[:, :, 2], position / 4.0311288741, atol=1e-9
-    )  # backward axis points away from the origin
+    # the backward axis points away from the origin
+    assert np.allclose(rotation[:, :, 2], position / 4.0311288741, atol=1e-9)
     assert np.abs(rotation[:, 2, 0]).max() < 1e-12  # right axis is horizontal
     assert (rotation[:, 2, 1] >= 0).all()  # up axis points up
 
@@ -95,10 +94,6 @@ def test_an_invalid_count_is_refused(count: int) -> None:
         camera_to_world("train", count=count)
 
 
-def good_pose() -> np.ndarray:
-    return poses_on_sphere(np.array([0.3]), np.array([0.4]))[0]
-
-
 @pytest.mark.parametrize(
     ("name", "damage"),
     [
@@ -110,11 +105,11 @@ def good_pose() -> np.ndarray:
     ],
 )
 def test_degenerate_poses_are_refused_by_name(name: str, damage: object) -> None:
-    pose = good_pose()
-    check_poses(pose[None], ["fine"])
-    damage(pose)  # type: ignore[operator]
+    poses = poses_on_sphere(np.array([0.3, 0.3]), np.array([0.4, 0.4]))
+    check_poses(poses, ["view 6", "view 7"])
+    damage(poses[1])  # type: ignore[operator]
     with pytest.raises(InputError, match=f"view 7.*{name}"):
-        check_poses(np.stack([good_pose(), pose]), ["view 6", "view 7"])
+        check_poses(poses, ["view 6", "view 7"])
 
 
 def test_a_camera_straight_above_has_a_direction_for_up() -> None:

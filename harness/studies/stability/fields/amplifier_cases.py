@@ -7,11 +7,12 @@ from functools import cache
 from itertools import product
 
 import torch
-from jaxtyping import Bool, Int
+from jaxtyping import Bool
 from torch import Tensor, nn
 
 from baselines.amplifiers import AMPLIFIERS, Amplifier
 from baselines.catalog import CATALOG
+from baselines.composition import Parts
 from baselines.contract import DTYPES, Box, Rays
 from baselines.field import NetworkField
 from baselines.methods.repaired import CANDIDATES
@@ -53,11 +54,9 @@ def identity(context: StabilityContext) -> Iterator[Found]:
         if reading.startswith("none"):
             yield not_judged(reading, "nothing that could change a density", owner=owner)
             continue
-        worst = 0.0
-        for raw in raws:
-            with torch.no_grad():
-                before, after = AMPLIFIERS[reading](None).before_and_after(raw)
-            worst = max(worst, float((after - before).abs().max() / before.max()))
+        with torch.no_grad():
+            pairs = [AMPLIFIERS[reading](None).before_and_after(raw) for raw in raws]
+        worst = max(float((after - before).abs().max() / before.max()) for before, after in pairs)
         # the paper claims the identity as well, so that its readings have the same threshold
         yield check("largest change of a density, of the densest", worst, high=1.2e-7, subject=reading, owner=owner)
 
@@ -76,8 +75,7 @@ def one_nan(context: StabilityContext) -> Iterator[Found]:
             count, why = math.nan, "the NaN is hidden: its own ray is finite"
         what = f"other rays of a chunk of {len(rays)} that are NaN because one sample of one ray is"
         yield check(what, count, high=0, unit="rays", why=why, subject=method, owner=owner_of_method(method))
-        messages = misnamed(trainer, rays, bad)
-        accepted += [f"{method}: {what}: {message}" for what, message in messages.items() if message]
+        accepted += [f"{method}: {what}: {said}" for what, said in misnamed(trainer, rays, bad).items() if said]
     yield from others
     if not methods:
         yield not_judged("harness", "no method of this run is made of parts")
@@ -106,7 +104,10 @@ def misnamed(trainer: Trainer, rays: Rays, bad: int) -> dict[str, str]:
     origins[bad, 1] = math.nan
     spoilt = Rays(origins, rays.directions, rays.near, rays.far)
     of_ray = str(error_of(ValueError, trainer.render, spoilt, len(rays)) or "accepted")
-    inside = rays_in_the_chunk(trainer, rays)
+    inside = torch.arange(len(rays))
+    if trainer.settings.accelerations.clipping and not trainer.whole_rays:
+        ends = (trainer.box.lower, trainer.box.upper, rays.near, rays.far)
+        inside = torch.nonzero(ray_box(rays.origins, rays.directions, *ends)[2])[:, 0]
     guilty: list[int] = []
     plain = trainer.coarse.density_and_colour
 
@@ -129,13 +130,6 @@ def misnamed(trainer: Trainer, rays: Rays, bad: int) -> dict[str, str]:
     }
 
 
-def rays_in_the_chunk(trainer: Trainer, rays: Rays) -> Int[Tensor, " hits"]:
-    if trainer.whole_rays or not trainer.settings.accelerations.clipping:
-        return torch.arange(len(rays))
-    box = trainer.box
-    return torch.nonzero(ray_box(rays.origins, rays.directions, box.lower, box.upper, rays.near, rays.far)[2])[:, 0]
-
-
 SOLID = ("nerf", "qnerf", "qnerf_printed", "qnerf_shifted", "qnerf_theorem", *CANDIDATES)
 """Methods with every reading of the amplifier, in the unit of density of the catalogue."""
 RESOLUTIONS = (100, 400, 800)
@@ -147,25 +141,21 @@ HALF_EXTENT = 1.5
 """Half of the longest side of the box, 1.2 to 1.5 in the classic scenes: in the largest box, a pixel is smallest."""
 
 
-def pixel_opacity(method: str, resolution: float) -> float:
+def pixel_opacity(parts: Parts, resolution: float) -> float:
     """Return the opacity of a slab as thick as a pixel is wide at the origin, at the largest density of a method."""
-    parts = CATALOG[method].parts
-    assert parts is not None
     box = Box(torch.full((3,), -HALF_EXTENT), torch.full((3,), HALF_EXTENT))
     sigma = largest_density(parts.amplifier) * parts.density_unit(box)
     return -math.expm1(-sigma * DISTANCE / (FOCAL * resolution))
 
 
 def slab(context: StabilityContext) -> Iterator[Found]:
-    """Check the largest opacity of a slab one pixel thick that a method can reach with any weights. Only the clamp of
-    Listing 2 bounds it, even about a running mean.
-    """
+    """Check the largest opacity that any weights can reach: only the clamp of Listing 2 bounds it, about any mean."""
     panel, drawn = "Largest opacity of a slab one pixel thick", [50.0 * 2 ** (k / 4) for k in range(21)]
     for method in SOLID:
         parts = CATALOG[method].parts
         assert parts is not None
         bounded = AMPLIFIERS[parts.amplifier](None).bounded
-        opacity = {resolution: pixel_opacity(method, resolution) for resolution in RESOLUTIONS}
+        opacity = {resolution: pixel_opacity(parts, resolution) for resolution in RESOLUTIONS}
         worst, owner = min(opacity.values()), "paper" if bounded else owner_of_method(method)
         per = "half box" if parts.density_per == "box" else "scene unit"
         why = f"density is at most {parts.density_scale:.3g} per {per}; " if bounded else "density is not bounded; "
@@ -174,7 +164,7 @@ def slab(context: StabilityContext) -> Iterator[Found]:
             why += f"; a black slab on white ends at {psnr_from_mse((1.0 - worst) ** 2):.1f} dB there"
         what = "largest opacity of a slab one pixel thick, the worst of 100, 400 and 800 px"
         yield check(what, worst, low=OPAQUE, why=why, subject=method, owner=owner)
-        y = [pixel_opacity(method, resolution) for resolution in drawn]
+        y = [pixel_opacity(parts, resolution) for resolution in drawn]
         yield Series(panel, 5, method, "pixels across a view", "largest opacity", drawn, y, log_y=False)
 
 
@@ -239,8 +229,8 @@ def at_inputs(reading: str, alpha: float, raw: Tensor) -> tuple[bool, float, boo
     finite = all(bool(torch.isfinite(x).all()) for x in (before, after, *gradients) if x is not None)
     with torch.no_grad():
         dead = float(at_an_end(before, after, 1.0 if amplifier.bounded else math.inf).float().mean())
-        together = torch.cov(torch.stack([before, after]).double())[0, 1]
-    return finite, dead, bool(together < 0)
+        inverted = bool(torch.cov(torch.stack([before, after]).double())[0, 1] < 0)
+    return finite, dead, inverted
 
 
 @torch.no_grad()
@@ -314,6 +304,5 @@ def _changes_of_colour(context: StabilityContext, method: str) -> Iterator[Found
         apart = twin.render(rays, len(rays)).colour - exact
         what = "root mean square change of a colour (0 … 1) by matrix multiplications in reduced precision"
         rms, why = math.sqrt(float(apart.square().mean())), f"largest {float(apart.abs().max()):.2g}"
-        yield check(
-            what, rms, high=COLOUR_BAR, why=why, subject=f"{method}, {precision}", owner=owner_of_method(method)
-        )
+        subject, owner = f"{method}, {precision}", owner_of_method(method)
+        yield check(what, rms, high=COLOUR_BAR, why=why, subject=subject, owner=owner)

@@ -8,16 +8,7 @@ import torch
 from baselines.contract import Box
 from harness.records.study import Table, check
 from harness.studies.framework import Found, Rows
-from harness.studies.stability.fields.small_training import (
-    STREAM,
-    History,
-    new_trainer,
-    psnr_of,
-    setup,
-    train,
-    trained,
-    with_parts,
-)
+from harness.studies.stability.fields import small_training
 from harness.studies.stability.stability_context import StabilityContext, owner_of_method
 from harness.training.batches import Batch
 from harness.training.trainer import Trainer
@@ -27,26 +18,28 @@ STEPS = (1, 10, 40, 100, 300)
 
 
 def float64_twin(context: StabilityContext) -> Iterator[Found]:
-    methods, others = with_parts(context)
-    here = setup(context)
+    methods, others = small_training.with_parts(context)
+    here = small_training.setup(context)
     rows: Rows = []
     first: list[float] = []
     for method in methods:
-        twin = train(context, in_dtype(new_trainer(context, method), torch.float64), batch_at=doubled(context))
-        single = trained(context, method)
-        rows.append([method, *_differences(single, twin)])
-        first.append(_difference(single, twin, 1))
-        change = abs(psnr_of(single.trainer, here.views) - psnr_of(in_dtype(twin.trainer, torch.float32), here.views))
+        double = in_dtype(small_training.new_trainer(context, method), torch.float64)
+        twin = small_training.train(context, double, batch_at=doubled(context))
+        single = small_training.trained(context, method)
+        apart = [abs(loss / exact - 1.0) for loss, exact in zip(single.losses, twin.losses, strict=True)]
+        rows.append([method, *(apart[step - 1] if step <= len(apart) else None for step in STEPS)])
+        first.append(apart[0])
+        both = single.trainer, in_dtype(double, torch.float32)
+        psnr, psnr_of_twin = (small_training.psnr_of(trainer, here.views) for trainer in both)
         what = f"test PSNR apart after {here.steps} steps, dB"
-        yield check(what, change, high=0.5, subject=method, owner=owner_of_method(method))
+        yield check(what, abs(psnr - psnr_of_twin), high=0.5, subject=method, owner=owner_of_method(method))
     yield from others
     if methods:
         what = "largest relative difference of the first loss, float32 against float64"
         yield check(what, max(first), high=1e-6, subject="the same weights, batch and draws")
-    heads = ["method", *(f"after {step} steps" for step in STEPS)]
-    yield Table(
-        "float64 twin", 5, "Loss of a step's batch, relative difference from a training in float64", heads, rows
-    )
+    columns = ["method", *(f"after {step} steps" for step in STEPS)]
+    title = "Loss of a step's batch, relative difference from a training in float64"
+    yield Table("float64 twin", 5, title, columns, rows)
 
 
 def in_dtype(trainer: Trainer, dtype: torch.dtype) -> Trainer:
@@ -63,19 +56,11 @@ def in_dtype(trainer: Trainer, dtype: torch.dtype) -> Trainer:
 
 
 def doubled(context: StabilityContext) -> Callable[[int], Batch]:
-    here = setup(context)
-    batch_at = here.batches.stream(STREAM, here.settings.rays)
+    here = small_training.setup(context)
+    batch_at = here.batches.stream(small_training.STREAM, here.settings.rays)
 
     def doubled_at(step: int) -> Batch:
         batch = batch_at(step)
         return batch._replace(rays=batch.rays.to(torch.float64), colours=batch.colours.double())
 
     return doubled_at
-
-
-def _differences(history: History, twin: History) -> list[float | None]:
-    return [_difference(history, twin, step) if step <= len(history.losses) else None for step in STEPS]
-
-
-def _difference(history: History, twin: History, step: int) -> float:
-    return abs(history.losses[step - 1] / twin.losses[step - 1] - 1.0)

@@ -96,7 +96,6 @@ def ball(rays: Rays, background: float = WHITE) -> Float[Tensor, "rays 3"]:
 
 
 def batches(count: int, background: float = WHITE) -> Callable[[int], Batch]:
-    """Return step → `count` rays through pixels drawn evenly from all views."""
     seen = cameras(PIXELS)
 
     def batch_at(step: int) -> Batch:

@@ -9,7 +9,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from baselines.contract import Precision
+from baselines.contract import DTYPES, Precision
 from baselines.numerics.amplifier import amplify_about_mean, softplus_density
 from baselines.numerics.encoding import encode
 from baselines.numerics.optimisers import OPTIMISERS, Optimiser, OptimiserName, optimiser_of
@@ -26,35 +26,34 @@ from harness.training.lockstep import box_of, needs_view_direction
 from harness.training.make_learner import NotAvailable, drjit_backend, learner_for
 from harness.training.trainer import Diverged
 
-HALF: dict[Precision, torch.dtype] = {"bfloat16": torch.bfloat16, "float16": torch.float16}
+HALF: tuple[Precision, ...] = ("bfloat16", "float16")
 METHOD = "nerf"
 
 
 def half_precision(context: StabilityContext) -> Iterator[Found]:
-    kept = {"float32": torch.float32, **HALF}
     rows: Rows = [[name, f"{gradient:g}", *(_moved(dtype, gradient, epsilon) for epsilon in (1e-8, 1e-4))]
-                  for name, dtype in kept.items() for gradient in (0.0, 1e-5, 1e-4)]  # fmt: skip
+                  for name, dtype in DTYPES.items() for gradient in (0.0, 1e-5, 1e-4)]  # fmt: skip
     title = "A weight of 1 after 100 steps of Adam at a rate of 5e-4 and one gradient: distance moved"
     yield Table("adam", 7, title, ["weights", "gradient", "moved, ε = 1e-8", "moved, ε = 1e-4"], rows)
     due = 100 * 5e-4
     owners: dict[str, Owner] = {"float32": "ours"}
-    for name, dtype in kept.items():
+    for name, dtype in DTYPES.items():
         moved = _moved(dtype, 1e-4)
         error, why = (abs(moved / due - 1.0), "") if isinstance(moved, float) else (math.nan, moved)
         what, owner = "relative error of the distance that a weight moves in 100 steps", owners.get(name, "usual")
         yield check(what, error, high=0.01, why=why, subject=f"weights in {name}", owner=owner)
-    for name, dtype in HALF.items():
-        reduced = accepted_by_parts(dtype) + not_float32(context, name)
+    for half in HALF:
+        reduced = accepted_by_parts(DTYPES[half]) + not_float32(context, half)
         what = "weights, moments, gradients and parts that are not kept in float32"
-        yield none_of(what, reduced, f"matrix multiplications in {name}")
+        yield none_of(what, reduced, f"matrix multiplications in {half}")
     count = 4 if context.quick else 40
     reference = _mean(train(context, new_trainer(context, METHOD), count).losses[-10:])
-    for name in HALF:
-        settings = replace(setup(context).settings, precision=name)
+    for half in HALF:
+        settings = replace(setup(context).settings, precision=half)
         losses = train(context, new_trainer(context, METHOD, settings), count).losses
         difference = abs(_mean(losses[-10:]) / reference - 1.0)
         what = f"relative difference of the loss of float32 after {count} steps"
-        yield check(what, difference, high=0.05, subject=f"training in {name}")
+        yield check(what, difference, high=0.05, subject=f"training in {half}")
 
 
 def _mean(values: list[float]) -> float:
@@ -85,7 +84,6 @@ def accepted_by_parts(dtype: torch.dtype) -> list[str]:
 
 
 def not_float32(context: StabilityContext, precision: Precision) -> list[str]:
-    """Return the weights, gradients and moments that are not float32 after two steps of a trainer of that precision."""
     trainer = new_trainer(context, "qnerf", replace(setup(context).settings, precision=precision))
     seen: dict[str, Tensor] = {}
     take_step = trainer.optimiser.step
@@ -227,9 +225,7 @@ CONDITIONS = (1e1, 1e3, 1e6)
 
 
 def conditioned(context: StabilityContext) -> Iterator[Found]:
-    """Minimise ½ ⟨W − W*, A (W − W*) B⟩ by every optimiser, in float32 and float64: A and B are symmetric with random
-    axes, and the loss begins at about half of the mean curvature.
-    """
+    """Minimise ½ ⟨W − W*, A (W − W*) B⟩ by every optimiser, where A and B are symmetric with random axes."""
     count = 60 if context.quick else CONDITIONED_STEPS
     rows: Rows = []
     for condition in CONDITIONS:

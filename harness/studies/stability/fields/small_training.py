@@ -118,9 +118,7 @@ def psnr_of(trainer: Trainer, views: ViewSet) -> float:
 
 @torch.no_grad()
 def dead_share(trainer: Trainer) -> float:
-    """Return the share of random points of the box whose density lies at an end of its range, where no gradient passes:
-    it is clamped by the amplifier, or a sigmoid or softplus is saturated in float32.
-    """
+    """Return the share of random points whose density no gradient reaches: it is clamped, or saturated in float32."""
     x = trainer.box.from_unit(torch.rand(PROBES, 3, generator=generator_for("dead share")))
     before, after = trainer.field.density_before_and_after(x)
     return float(at_an_end(before, after, trainer.field.density_limit).float().mean())

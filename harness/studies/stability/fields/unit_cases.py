@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import torch
-from safetensors.torch import load_file, save_file
 from torch import Tensor
 
 from baselines.contract import Rays
@@ -15,19 +14,10 @@ from baselines.rendering import render_rays
 from harness.plan.seeds import generator_for
 from harness.records.study import Owner, Series, Table, check
 from harness.studies.framework import Found, Rows
-from harness.studies.stability.fields.small_training import (
-    CPU,
-    PROBES,
-    STREAM,
-    new_trainer,
-    psnr_of,
-    setup,
-    train,
-    trained,
-    with_parts,
-)
+from harness.studies.stability.fields import small_training
 from harness.studies.stability.stability_context import StabilityContext, owner_of_method
 from harness.training.batches import Batches, Cameras
+from harness.training.checkpoints import load_checkpoint, save_checkpoint
 from harness.training.lockstep import box_of
 from harness.training.scoring import evaluate, metrics
 from harness.training.scoring.evaluate import cameras_of
@@ -43,10 +33,9 @@ OTHER_POINTS = "other points"
 
 def chunks(context: StabilityContext) -> Iterator[Found]:
     by_subject: dict[str, dict[str, float]] = {}
-    methods, others = with_parts(context)
+    methods, others = small_training.with_parts(context)
     for method in methods:
-        trainer = trained(context, method).trainer
-        by_subject[method] = apart = differences(context, trainer)
+        by_subject[method] = apart = differences(context, small_training.trained(context, method).trainer)
         worst = _largest(apart)
         of = "a colour (0 … 1), the same pixel" if worst != OTHER_POINTS else "the opacity of a bin, the same point"
         what, why = f"largest difference of {of} in other chunks", f"worst: {worst}"
@@ -68,7 +57,7 @@ def _apart(a: Tensor, b: Tensor) -> float:
 
 def differences(context: StabilityContext, trainer: Trainer) -> dict[str, float]:
     """Return way → largest difference from the complete view in one chunk."""
-    rays = setup(context).test.all_rays(0)
+    rays = small_training.setup(context).test.all_rays(0)
     complete = trainer.render(rays, EVERYTHING).colour
     few = slice(3 * len(rays) // 8, 3 * len(rays) // 8 + (16 if context.quick else 256))
     some = rays.part(few.start, few.stop)
@@ -89,10 +78,8 @@ def differences(context: StabilityContext, trainer: Trainer) -> dict[str, float]
 
 @torch.no_grad()
 def opacity_with_other_points(trainer: Trainer) -> float:
-    """Return the largest change of a bin's opacity between two evaluations of its density: with evenly spread points,
-    as in a coarse pass, and with only the densest points, as in a fine pass.
-    """
-    x = trainer.box.from_unit(torch.rand(PROBES, 3, generator=generator_for("stability", "company")))
+    """Return the largest change of a bin's opacity from evenly spread points (coarse pass) to the densest (fine)."""
+    x = trainer.box.from_unit(torch.rand(small_training.PROBES, 3, generator=generator_for("stability", "company")))
     sigma = trainer.field.density(x)
     densest = torch.topk(sigma, len(x) // 8).indices
     bin_length = float((trainer.box.upper - trainer.box.lower).max()) / trainer.settings.bins
@@ -115,18 +102,10 @@ def recorded_or_not(trainer: Trainer, rays: Rays) -> float:
 
 
 def reloaded(context: StabilityContext, trainer: Trainer) -> Trainer:
-    """Return a new trainer with what a checkpoint stores: weights and the mask of empty space."""
     file = context.scratch / f"reload-{trainer.method}.safetensors"
-    stored = {name: value.contiguous() for name, value in trainer.fields.state_dict().items()}
-    if trainer.grid is not None:
-        stored["occupied"] = trainer.grid.occupied
-    save_file(stored, file)
-    read = load_file(file)
-    fresh = new_trainer(context, trainer.method, trainer.settings)
-    fresh.step = trainer.step
-    if fresh.grid is not None:
-        fresh.grid.occupied = read.pop("occupied")
-    fresh.fields.load_state_dict(read)
+    save_checkpoint(trainer, file)
+    fresh = small_training.new_trainer(context, trainer.method, trainer.settings)
+    load_checkpoint(fresh, file, trainer.step)
     return fresh
 
 
@@ -134,15 +113,14 @@ SIZES = ((1, 1), (9, 1), (1, 9), (5, 3), (12, 11))
 
 
 def odd_sizes(context: StabilityContext) -> Iterator[Found]:
-    methods, others = with_parts(context)
+    methods, others = small_training.with_parts(context)
     for method in methods:
-        trainer = trained(context, method).trainer
+        trainer = small_training.trained(context, method).trainer
         sizes = SIZES[:3] if context.quick else SIZES
         apart = {f"{width} × {height}": _odd(context, trainer, width, height) for width, height in sizes}
-        what, worst = "largest difference of a colour to a loop over rays", _largest(apart)
-        yield check(
-            what, apart[worst], high=BAR, why=f"worst at {worst}", subject=method, owner=owner_of_method(method)
-        )
+        worst = _largest(apart)
+        what, why = "largest difference of a colour to a loop over rays", f"worst at {worst}"
+        yield check(what, apart[worst], high=BAR, why=why, subject=method, owner=owner_of_method(method))
     yield from others
     what = "scores of small pictures that are not finite (PSNR, SSIM, linear error)"
     count = sum(not math.isfinite(score) for size in SIZES for score in scores_of(*size))
@@ -151,7 +129,7 @@ def odd_sizes(context: StabilityContext) -> Iterator[Found]:
 
 def _odd(context: StabilityContext, trainer: Trainer, width: int, height: int) -> float:
     """Return the difference for chunks of 4 rays; for most of these sizes the last chunk is partial."""
-    test = setup(context).test
+    test = small_training.setup(context).test
     cameras = Cameras(test.camera_to_world[:1], width, height, 1.6 * max(width, height), test.near, test.far)
     rendered = evaluate.render_view(trainer, cameras, 0, 4).colour
     rays = cameras.all_rays(0)
@@ -185,16 +163,16 @@ def rescaled(views: ViewSet, k: float) -> ViewSet:
         return replace(split, camera_to_world=poses, depth=None)
 
     train, val, test = map(moved, (views.train, views.val, views.test))
-    lengths = {"near": k * views.near, "far": k * views.far, "bounds": k * views.bounds}
-    return replace(views, train=train, val=val, test=test, **lengths)  # type: ignore[arg-type]
+    near, far, bounds = k * views.near, k * views.far, k * views.bounds
+    return replace(views, train=train, val=val, test=test, near=near, far=far, bounds=bounds)
 
 
 def psnr_in_unit(context: StabilityContext, method: str, k: float) -> float:
-    views = rescaled(setup(context).views, k)
-    trainer = new_trainer(context, method, box=box_of(views, CPU))
-    batches = Batches(cameras_of(views, views.train, CPU), views.train.rgba)
-    train(context, trainer, batch_at=batches.stream(STREAM, trainer.settings.rays))
-    return psnr_of(trainer, views)
+    views = rescaled(small_training.setup(context).views, k)
+    trainer = small_training.new_trainer(context, method, box=box_of(views, small_training.CPU))
+    batches = Batches(cameras_of(views, views.train, small_training.CPU), views.train.rgba)
+    small_training.train(context, trainer, batch_at=batches.stream(small_training.STREAM, trainer.settings.rays))
+    return small_training.psnr_of(trainer, views)
 
 
 def units_of_length(context: StabilityContext) -> Iterator[Found]:

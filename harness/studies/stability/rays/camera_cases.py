@@ -22,14 +22,7 @@ from scenes.modelling.scene import Scene
 from scenes.view_sets.formats.transforms import read_transforms, write_transforms
 from scenes.view_sets.images import write_png
 from scenes.view_sets.view_set import read_view_set
-from scenes.view_sets.viewpoints import (
-    FOV_X_RADIANS,
-    all_poses,
-    check_field_of_view,
-    check_poses,
-    look_at,
-    poses_on_sphere,
-)
+from scenes.view_sets.viewpoints import FOV_X_RADIANS, all_poses, check_field_of_view, check_poses, look_at
 
 SIZE = 4
 """The width in pixels of the images of a foreign view set."""
@@ -44,7 +37,7 @@ WAYS_TO_LOOK = {
 
 
 def _damaged() -> dict[str, np.ndarray]:
-    good = poses_on_sphere(np.array([0.4]), np.array([0.3]))[0]
+    good = all_poses("train")[0]
     sheared, row, nan, infinite = (good.copy() for _ in range(4))
     sheared[:3, 0] += 0.02 * sheared[:3, 1]
     row[3, 0] = 1e-3
@@ -111,7 +104,6 @@ def _foreign(scratch: Path, poses: np.ndarray, fov: float = FOV_X_RADIANS) -> Pa
 
 
 def _rendered_by_mitsuba_without_checks() -> Check:
-    """Render the same cameras by Mitsuba's `look_at` and renderer, without checks."""
     from scenes.rendering.render import use
     from scenes.rendering.variant import Variant
 

@@ -129,11 +129,9 @@ def _error_against_depth(exponents: list[float]) -> Iterator[Series]:
           for name in others for dtype in DTYPES),
     ]  # fmt: skip
     for panel, name, rule, weights, dtype in lines:
-        points = {}
-        for k in exponents:
-            sigma = torch.tensor(10.0**k, dtype=torch.float64).to(DTYPES[dtype])
-            if torch.finfo(DTYPES[dtype]).tiny <= float(sigma) < math.inf:  # a normal number
-                points[10.0**k] = _errors(weights, rule, 10.0**k, 64, DTYPES[dtype])[0]
+        numbers = torch.finfo(DTYPES[dtype])
+        normal = (10.0**k for k in exponents if numbers.tiny <= 10.0**k <= numbers.max)
+        points = {tau: _errors(weights, rule, tau, 64, DTYPES[dtype])[0] for tau in normal}
         yield from _line(panel, 1, name, "optical depth of the ray", "relative error of colour", points)
 
 
@@ -163,8 +161,7 @@ def gradients(context: StabilityContext) -> Iterator[Found]:
             on_ramp = [_gradient_error(weights, name, tau, bins, DTYPES[dtype], RAMP) for tau in depths]
             worst, worst_on_ramp = max(errors.values(), key=badness), max(on_ramp, key=badness)
             why = f"one density {worst:.2g}, ramp {worst_on_ramp:.2g}"
-            either = max(worst, worst_on_ramp, key=badness)
-            yield check(f"{what}, {dtype}", either, high=bar, why=why, subject=name)
+            yield check(f"{what}, {dtype}", max(worst, worst_on_ramp, key=badness), high=bar, why=why, subject=name)
             if name in ("midpoint", "linear"):
                 yield from _line("Gradients", 3, f"ours ({name}), {dtype}", *axes, errors)
         yield _gradcheck(name)
@@ -205,7 +202,6 @@ def _gradient_error(
 
 @cache
 def _exact_gradient(rule: str, sigma: tuple[float, ...], shades: tuple[float, ...], length: float) -> list[float]:
-    """Compute the gradient by central differences of the sum in 120 digits."""
     with mpmath.workdps(120):
         step = mpmath.mpf(10) ** -20
         lengths = [mpmath.mpf(length)] * ((len(sigma) - QUADRATURES[rule].closed) // QUADRATURES[rule].stride)

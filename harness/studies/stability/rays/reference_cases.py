@@ -30,8 +30,8 @@ LARGEST_Z = 4.0
 LARGEST_ERROR = 1e-3
 """The largest standard error at which agreement is meaningful."""
 PATHS = 420_000
-BINS = 256
-"""The bins of the deterministic comparison, in which truncation is the same on both sides."""
+RAYS, BINS = 16, 256
+"""The rays and bins of the deterministic comparison, in which truncation is the same on both sides."""
 FINE_BINS = 4096
 """The bins of the comparison with the integral."""
 VALUE_BAR, SIGMA_BAR, COLOUR_BAR = 5e-6, 5e-6, 1e-4
@@ -121,24 +121,22 @@ class Bundle(NamedTuple):
     weights: Float[Tensor, "rays 3"]
 
 
-def bundle(count: int = 16, bins: int = BINS) -> Bundle:
+def bundle() -> Bundle:
     """Return rays into the cube from all sides, with points at the midpoints of equal bins, float64."""
     generator = torch.Generator().manual_seed(4)
-    around = torch.randn(count, 3, generator=generator, dtype=torch.float64)
+    around = torch.randn(RAYS, 3, generator=generator, dtype=torch.float64)
     origins = 0.5 + 1.5 * torch.nn.functional.normalize(around, dim=-1)
-    aims = 0.5 + 0.3 * (torch.rand(count, 3, generator=generator, dtype=torch.float64) - 0.5)
+    aims = 0.5 + 0.3 * (torch.rand(RAYS, 3, generator=generator, dtype=torch.float64) - 0.5)
     directions = torch.nn.functional.normalize(aims - origins, dim=-1)
     lower, upper = torch.zeros(3, dtype=torch.float64), torch.ones(3, dtype=torch.float64)
     entry, leave, _ = ray_box(origins, directions, lower, upper, 0.0, 10.0)
-    edges = uniform_edges(entry, leave, bins)
+    edges = uniform_edges(entry, leave, BINS)
     t = points_in_bins(edges, None)
     points = origins[:, None] + t[..., None] * directions[:, None]
-    weights = torch.randn(count, 3, generator=generator, dtype=torch.float64)
-    return Bundle(points, t, edges, weights)
+    return Bundle(points, t, edges, torch.randn(RAYS, 3, generator=generator, dtype=torch.float64))
 
 
 def by_autograd(sigma: np.ndarray, colour: np.ndarray, some: Bundle, rule: str = "midpoint") -> Differentiated:
-    """Differentiate the quadrature on torch's interpolation by autograd, float64."""
     density, hue = (torch.as_tensor(values).requires_grad_() for values in (sigma, colour))
     field, flat = field_of(density, hue), some.points.reshape(-1, 3)
     w, _ = QUADRATURES[rule](field.density(flat).reshape(some.t.shape), some.t, some.edges)
@@ -178,15 +176,13 @@ def _against_gridvolume(variant: Variant) -> Iterator[Found]:
 # (3) closed forms
 
 
-def layered(cells: int = CELLS) -> tuple[np.ndarray, np.ndarray]:
+def layered() -> tuple[np.ndarray, np.ndarray]:
     generator = np.random.default_rng(3)
-    return 5.0 + 20.0 * generator.random(cells), generator.random(cells)
+    return 5.0 + 20.0 * generator.random(CELLS), generator.random(CELLS)
 
 
 def closed_form(sigma: np.ndarray, grey: np.ndarray) -> tuple[float, float]:
-    """Return colour and opacity along x through layers that are linear between cell centres and flat at both ends: τ in
-    closed form, the integral of colour piece by piece in 40 digits.
-    """
+    """Return colour and opacity through layers that are linear between cell centres and flat at both ends."""
     with mpmath.workdps(40):
         cells = len(sigma)
         ends = [mpmath.mpf(0), *(mpmath.mpf(2 * i + 1) / (2 * cells) for i in range(cells)), mpmath.mpf(1)]

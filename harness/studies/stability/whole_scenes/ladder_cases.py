@@ -15,13 +15,8 @@ from harness.records.cells import CellRecord
 from harness.records.study import Check, Series, check
 from harness.studies.framework import Found
 from harness.studies.stability.stability_context import StabilityContext, owner_of_method
-from harness.studies.stability.whole_scenes.scene_truth import (
-    SceneRun,
-    colour_variance,
-    mse_over_tests,
-    share_of_looks,
-    trained,
-)
+from harness.studies.stability.whole_scenes import scene_truth
+from harness.studies.stability.whole_scenes.scene_truth import SceneRun
 from scenes.catalog.ladders.ladders import LADDERS, Ladder
 from scenes.view_sets.pixels import over_white
 from scenes.view_sets.view_set import ViewSet
@@ -44,7 +39,7 @@ class RungScore(NamedTuple):
 
 def ladders(context: StabilityContext) -> Iterator[Found]:
     names = [scene for ladder in LADDERS.values() for scene in ladder.scenes]
-    run = trained(context, PROFILE, names, context.out / "ladders")
+    run = scene_truth.trained(context, PROFILE, names, context.out / "ladders")
     for ladder in LADDERS.values():
         values = list(ladder.values)
         sets = [run.view_set(context, scene) for scene in ladder.scenes]
@@ -67,16 +62,19 @@ def score_of(run: SceneRun, cell: CellRecord, views: ViewSet, looks: bool) -> Ru
     """Score a method on complete test views or, with `looks`, within the silhouette of the stored renders."""
     if cell.status != "done":
         return RungScore(None, f"{cell.status}: {cell.reason}")
-    mse = mse_over_tests(cell)
-    share = share_of_looks(run, cell, views) if looks else None if mse is None else share_of_views(mse, views)
+    if looks:
+        share = scene_truth.share_of_looks(run, cell, views)
+    else:
+        mse = scene_truth.mse_over_tests(cell)
+        share = None if mse is None else share_of_views(mse, views)
     if share is None:
         return RungScore(None, "its record holds no score")
     return RungScore(share, f"explains {share:.0%}" if share < ENOUGH else "")
 
 
 def share_of_views(mse: float, views: ViewSet) -> float:
-    """Return the share of the variance of complete test views that a mean square error leaves explained."""
-    return 1.0 - mse / colour_variance(np.concatenate([over_white(rgba).reshape(-1, 3) for rgba in views.test.rgba]))
+    pixels = np.concatenate([over_white(rgba).reshape(-1, 3) for rgba in views.test.rgba])
+    return 1.0 - mse / scene_truth.colour_variance(pixels)
 
 
 def worst(of_seeds: list[RungScore]) -> RungScore:

@@ -21,31 +21,15 @@ from harness.records.pictures import Render
 from harness.records.study import Check, check
 from harness.studies.framework import Found
 from harness.studies.stability.stability_context import StabilityContext, error_of, ours_and_usual
-from harness.studies.stability.whole_scenes.scene_truth import (
-    LARGEST_Z,
-    PROFILE,
-    SCENES,
-    SceneRun,
-    Views,
-    each_method,
-    held_to_closed_form,
-    mse_over_tests,
-    scores_table,
-    share_of_looks,
-    shown,
-    stress,
-    view_set_of,
-    views_of,
-    views_with,
-    worst_z,
-    z_score,
-)
+from harness.studies.stability.whole_scenes import scene_truth
+from harness.studies.stability.whole_scenes.scene_truth import LARGEST_Z, SceneRun, Views, mse_over_tests
 from harness.training.batches import Batches
 from harness.training.cell_training import BILLBOARD_GAP_DB, warnings_of
 from harness.training.learner import Job, train
 from harness.training.lockstep import box_of as box_of_views
 from harness.training.scoring import evaluate
 from harness.training.trainer import Trainer
+from scenes.catalog.entries import scene_named
 from scenes.catalog.stress import geometry, light, mirror, scales, wires
 from scenes.catalog.stress.plain import nothing
 from scenes.files.errors import InputError
@@ -53,6 +37,9 @@ from scenes.modelling.normalise import Similarity, box_of, check_scale
 from scenes.modelling.truth import pixel_rays
 from scenes.view_sets.pixels import decode_srgb, display_from_linear, over_white
 from scenes.view_sets.viewpoints import camera_to_world
+
+LARGEST_EXCESS = 1.5
+"""The largest mean square difference of pixels relative to their noise."""
 
 
 class StressScene(NamedTuple):
@@ -62,7 +49,7 @@ class StressScene(NamedTuple):
     views: Views
 
     def shown(self, cell: CellRecord) -> Iterator[tuple[Render, Views]]:
-        return ((render, self.views.of(render.view)) for render in shown(self.run, cell))
+        return ((render, self.views.of(render.view)) for render in scene_truth.shown(self.run, cell))
 
 
 def mean_opacity(scene: StressScene, cell: CellRecord, inside: bool) -> float | None:
@@ -92,8 +79,9 @@ def over_best_constant(scene: StressScene, cell: CellRecord) -> float | None:
 
 
 def opacity_error(scene: StressScene, cell: CellRecord) -> float | None:
-    errors = [np.abs(render.opacity - view.truth[0, ..., 3]).mean() for render, view in scene.shown(cell)]
-    return float(np.mean(errors)) if errors else None
+    return evaluate.mean_of(
+        float(np.abs(render.opacity - view.truth[0, ..., 3]).mean()) for render, view in scene.shown(cell)
+    )
 
 
 def over_blank(scene: StressScene, cell: CellRecord) -> float | None:
@@ -104,7 +92,6 @@ def over_blank(scene: StressScene, cell: CellRecord) -> float | None:
 
 
 def over_blank_within(scene: StressScene, cell: CellRecord) -> float | None:
-    """Return the mean square error within the silhouette relative to that of a blank picture."""
     left, blank = [], []
     for render, view in scene.shown(cell):
         truth = display(view.truth[0])[view.covered[0]]
@@ -120,7 +107,7 @@ def median_change(scene: StressScene, cell: CellRecord) -> float | None:
         floor = (truth[..., 3] == 1.0) & (truth[..., 0] <= 2 * light.BRIGHTEST)
         medians = np.median(decode_srgb(render.colour)[floor]), np.median(np.clip(truth[floor][:, :3], 0.0, 1.0))
         changes.append(abs(medians[0] / medians[1] - 1.0))
-    return float(np.mean(changes)) if changes else None
+    return evaluate.mean_of(changes)
 
 
 def display(linear: np.ndarray) -> np.ndarray:
@@ -138,7 +125,7 @@ class Figure(NamedTuple):
 
 
 def explained(scene: StressScene, cell: CellRecord) -> float | None:
-    return share_of_looks(scene.run, cell, scene.run.view_set(scene.context, scene.name))
+    return scene_truth.share_of_looks(scene.run, cell, scene.run.view_set(scene.context, scene.name))
 
 
 def mean_square_error(_: StressScene, cell: CellRecord) -> float | None:
@@ -181,15 +168,21 @@ def examined(
     count: int | None = None,
 ) -> Iterator[Found]:
     """Check each scene by its closed form, in its first `count` views, by the case, and every method by `FIGURES`."""
-    run = stress(context, case)
-    for name in SCENES[case]:
-        scene = StressScene(context, run, name, views_of(run, name, count))
-        yield from held_to_closed_form(name, scene.views)
+    run = scene_truth.stress(context, case)
+    for name in scene_truth.SCENES[case]:
+        truth = scene_named(name).truth
+        assert truth is not None, f"scene {name} has no closed form"
+        views = scene_truth.views_with(run.folder(name), truth, count)
+        what = f"{name}: largest |z| of red, green, blue and opacity against closed form"
+        yield check(what, scene_truth.worst_z(views), high=LARGEST_Z, subject="ground truth")
+        what = f"{name}: mean square difference of pixels relative to their noise"
+        yield check(what, scene_truth.unexplained(views), high=LARGEST_EXCESS, subject="ground truth")
+        scene = StressScene(context, run, name, views)
         if checks_of_the_case is not None:
             yield from checks_of_the_case(scene)
         for what, of, low, high, unit in FIGURES[name]:
-            yield from each_method(run, name, what, partial(of, scene), low, high, unit)
-    yield scores_table(case, run)
+            yield from scene_truth.each_method(run, name, what, partial(of, scene), low, high, unit)
+    yield scene_truth.scores_table(case, run)
 
 
 def nothing_to_see(context: StabilityContext) -> Iterator[Found]:
@@ -240,10 +233,8 @@ def textbook_scores(image: np.ndarray, truth: np.ndarray) -> dict[str, float]:
     x, y = image.astype(np.float64), truth.astype(np.float64)
     with np.errstate(divide="ignore", invalid="ignore"):
         psnr = -10.0 * np.log10(np.mean((x - y) ** 2))
-        mean_x, mean_y = x.mean(), y.mean()
-        covariance = ((x - mean_x) * (y - mean_y)).mean()
-        structure = 2 * mean_x * mean_y * 2 * covariance
-        ssim = structure / ((mean_x**2 + mean_y**2) * (x.var() + y.var()))
+        covariance = ((x - x.mean()) * (y - y.mean())).mean()
+        ssim = 2 * x.mean() * y.mean() * 2 * covariance / ((x.mean() ** 2 + y.mean() ** 2) * (x.var() + y.var()))
     return {"psnr": float(psnr), "ssim": float(ssim)}
 
 
@@ -267,8 +258,9 @@ def _billboard(context: StabilityContext) -> Check:
     `nerf` is trained on a few views of the black scene, with fog in front of every camera at the start. Rays run from
     near to far: if they were cut to the box, which all cameras share, they would share what is painted on it.
     """
-    plan, cpu = context.plan(PROFILE), torch.device("cpu")
-    views = read_views(view_set_of(context, "black"), replace(plan.views, train=FEW_VIEWS), context.scratch)
+    plan, cpu = context.plan(scene_truth.PROFILE), torch.device("cpu")
+    folder = scene_truth.view_set_of(context, "black")
+    views = read_views(folder, replace(plan.views, train=FEW_VIEWS), context.scratch)
     accelerations = plan.train.accelerations.without(("clipping", "grid", "early_stop"))
     settings = replace(plan.train, accelerations=accelerations, grid=replace(plan.train.grid, cells=0))
     batches = Batches(evaluate.cameras_of(views, views.train, cpu), views.train.rgba)
@@ -315,10 +307,8 @@ def _thin_wires(scene: StressScene) -> Iterator[Check]:
 
 
 def covered_share(width: float, size: int, strata: int) -> float:
-    """Return the share of a test view of `size` pixels that is covered by wires of `width` pixels.
-
-    It is sampled by rays on a grid of `strata` per pixel and axis. With `strata` = 0 it is the area, in proportion to
-    that of wires thick enough for rays to hit them: thin wires hardly overlap.
+    """Return the share of a test view that is covered by wires of `width` pixels, by `strata` rays per pixel and axis.
+    With `strata` = 0 it is the area, in proportion to that of thick wires, which rays hit: thin ones hardly overlap.
     """
     thick = 0.2 if strata == 0 else width
     truth = wires.wires_truth(thick * wires.pixel_size(size))
@@ -328,9 +318,7 @@ def covered_share(width: float, size: int, strata: int) -> float:
 
 
 def z_of_thin_wires(width: float, size: int) -> tuple[float, float]:
-    """Return z of the rendered share of a test view against the covered one, and the expected number of hits. A ray
-    hits or misses, so that the standard error of n rays is √(p (1 − p) / n).
-    """
+    """Return z of the rendered share of a test view, whose variance is p (1 − p) / rays, and the expected hits."""
     from scenes.rendering.render import LoadedScene
     from scenes.rendering.variant import Variant
 
@@ -340,7 +328,7 @@ def z_of_thin_wires(width: float, size: int) -> tuple[float, float]:
     rendered = float(loaded.colour(camera_to_world("test")[0], spp, seed=1)[..., 3].mean())
     area = covered_share(width, size, 0)
     rays = size * size * spp
-    return z_score(rendered, area, area * (1 - area) / rays), area * rays
+    return scene_truth.z_score(rendered, area, area * (1 - area) / rays), area * rays
 
 
 def _glass_of_index_1(scene: StressScene) -> Iterator[Check]:
@@ -348,7 +336,7 @@ def _glass_of_index_1(scene: StressScene) -> Iterator[Check]:
         truth = scene.views.truth
         clear = (truth[..., :3] == 1.0).all(-1) & (truth[..., 3] == 1.0)
         what = "glass of index 1.0: largest |z| against the background, where only that is behind it"
-        yield check(what, worst_z(scene.views, clear), high=LARGEST_Z, subject="ground truth")
+        yield check(what, scene_truth.worst_z(scene.views, clear), high=LARGEST_Z, subject="ground truth")
 
 
 def virtual_depth() -> float:
@@ -416,14 +404,14 @@ LARGEST_APART_DB = 1.5
 
 
 def scaled(context: StabilityContext) -> Iterator[Found]:
-    run = stress(context, "S7")
-    unit = views_with(view_set_of(context, "scale_1"), nothing)
+    run = scene_truth.stress(context, "S7")
+    unit = scene_truth.views_with(scene_truth.view_set_of(context, "scale_1"), nothing)
     for scene in ("tiny", "huge"):
-        views = views_with(run.folder(scene), nothing)
+        views = scene_truth.views_with(run.folder(scene), nothing)
         # the scene at unit scale, with its noise, in place of a closed form
         compared = replace(views, truth=unit.rendered, variance=views.variance + unit.variance, true_depth=unit.depth)
         what = f"{scene}: largest |z| of red, green, blue and opacity against the scene at unit scale"
-        yield check(what, worst_z(compared), high=LARGEST_Z, subject="ground truth")
+        yield check(what, scene_truth.worst_z(compared), high=LARGEST_Z, subject="ground truth")
     for name, change in RAW.items():
         yield check(f"refused without normalisation: {name}", float(refused(change)), low=1.0, subject="harness")
     huge = {cell.method: cell.scores.get("psnr") for cell in run.of("huge")}
@@ -433,12 +421,11 @@ def scaled(context: StabilityContext) -> Iterator[Found]:
         return None if psnr is None or other is None else abs(psnr - other)
 
     what = "difference of test views of tiny and huge"
-    yield from each_method(run, "tiny", what, apart, high=LARGEST_APART_DB, unit="dB")
-    yield scores_table("S7", run)
+    yield from scene_truth.each_method(run, "tiny", what, apart, high=LARGEST_APART_DB, unit="dB")
+    yield scene_truth.scores_table("S7", run)
 
 
 def refused(change: Similarity) -> bool:
-    """Return whether the unit scene is refused in another unit of length."""
     box = box_of(scales.described(change))
     assert box is not None
     return error_of(InputError, check_scale, box) is not None

@@ -13,12 +13,12 @@ from harness.execution import run as execution
 from harness.execution.ground_truth import read_views, render_view_sets
 from harness.records.cells import CellRecord, RunRecord, cell_path, read_cells, read_run, records_folder
 from harness.records.pictures import Render, last_of, read_renders
-from harness.records.study import Check, Status, Table, check
+from harness.records.study import Check, CheckFacts, Status, Table, check
 from harness.run_folder.integrity import repair
 from harness.studies.framework import Rows
 from harness.studies.stability.cases import CASES
 from harness.studies.stability.stability_context import StabilityContext, owner_of_method
-from scenes.catalog.entries import scene_named
+from harness.training.scoring.evaluate import mean_of
 from scenes.files.errors import DamagedRecord
 from scenes.modelling.truth import Truth, pixel_means
 from scenes.view_sets.formats.transforms import read_transforms
@@ -33,8 +33,6 @@ STRATA = (13, 16)
 is free of bias, and the difference of the two estimates the noise of their mean. Even grids of the same sizes are
 biased by their alignment with straight edges: on stripes half a pixel wide by four standard errors of six views.
 """
-LARGEST_EXCESS = 1.5
-"""The largest mean square difference of pixels relative to their noise."""
 
 
 @dataclass(frozen=True)
@@ -139,9 +137,8 @@ class SceneRun:
 
 
 def trained(context: StabilityContext, profile: str, scenes: Iterable[str], folder: Path) -> SceneRun:
-    """Return `folder` with every cell of these scenes, after training those that it lacks.
-
-    Scenes that an earlier case trained there stay in the record, with their finished cells.
+    """Return `folder` with every cell of these scenes, after training those that it lacks; scenes that an earlier case
+    trained there stay in the record, with their finished cells.
     """
     before = None
     with suppress(DamagedRecord):
@@ -181,8 +178,7 @@ def learnt_nothing(run: SceneRun, cell: CellRecord) -> bool:
     """Return whether a complete cell shows nothing of a scene that is not empty: empty collapse.
 
     Whether a training collapses within a few hundred steps depends on its random numbers and not on how well a formula
-    is computed: it is recorded and not judged. A picture without opacity that is dark adds up its colours wrongly, and
-    is judged.
+    is computed: it is not judged. A dark picture without opacity is judged, as it adds up its colours wrongly.
     """
     collapsed = any(warning.startswith("empty collapse") for warning in cell.warnings)
     if cell.status != "done" or not collapsed or cell.scene == "empty":
@@ -207,24 +203,10 @@ def stress(context: StabilityContext, case: str) -> SceneRun:
     return trained(context, PROFILE, [scene for name in {case, *chosen} for scene in SCENES[name]], context.out)
 
 
-def views_of(run: SceneRun, scene: str, count: int | None = None) -> Views:
-    truth = scene_named(scene).truth
-    assert truth is not None, f"scene {scene} has no closed form"
-    return views_with(run.folder(scene), truth, count)
-
-
 def view_set_of(context: StabilityContext, scene: str) -> Path:
     """Return the view set of a scene in the size of the profile, rendered if it is not in the cache."""
     views = context.plan(PROFILE).views
     return next(event.path for event in render_view_sets((scene,), views, context.view_sets) if event.path)
-
-
-def held_to_closed_form(scene: str, views: Views) -> Iterator[Check]:
-    """Compare the rendered ground truth with the closed form: the means of complete views, and pixel by pixel."""
-    what = f"{scene}: largest |z| of red, green, blue and opacity against closed form"
-    yield check(what, worst_z(views), high=LARGEST_Z, subject="ground truth")
-    what = f"{scene}: mean square difference of pixels relative to their noise"
-    yield check(what, unexplained(views), high=LARGEST_EXCESS, subject="ground truth")
 
 
 def each_method(
@@ -242,27 +224,24 @@ def each_method(
     cell that learnt nothing keeps its figure and is not judged: a blank picture is close to many scenes.
     """
     for cell in run.of(scene):
-        name, method, owner = f"{scene}: {what}", cell.method, owner_of_method(cell.method)
+        name, facts = f"{scene}: {what}", CheckFacts(subject=cell.method, owner=owner_of_method(cell.method))
         if cell.status != "done":
             status: Status = "not_available" if cell.status == "not_available" else "fail"
-            why = f"{scene}: {cell.status}, {cell.reason}"
-            yield Check(name, None, why=why, subject=method, owner=owner, status=status)
+            yield Check(name, None, why=f"{scene}: {cell.status}, {cell.reason}", status=status, **facts)
         elif (value := figure(cell)) is None:
-            yield Check(
-                name, None, why="its record holds no such score", subject=method, owner=owner, status="not_applicable"
-            )
+            yield Check(name, None, why="its record holds no such score", status="not_applicable", **facts)
         elif learnt_nothing(run, cell):
             why = f"learnt nothing in {cell.steps} steps: empty collapse, not judged"
-            yield Check(name, value if isfinite(value) else None, low, high, unit, why, method, owner, "not_applicable")
+            finite = value if isfinite(value) else None
+            yield Check(name, finite, low, high, unit, why, status="not_applicable", **facts)
         else:
-            yield check(name, value, low, high, unit, "; ".join(cell.warnings), subject=method, owner=owner)
+            yield check(name, value, low, high, unit, "; ".join(cell.warnings), **facts)
 
 
 SCORES = ("psnr", "psnr_train", "psnr_floor", "psnr_ceiling")
 
 
 def scores_table(case: str, run: SceneRun) -> Table:
-    """Return the scores of a case by scene and method, those of training and test views side by side."""
     rows: Rows = []
     for cell in (cell for scene in SCENES[case] for cell in run.of(scene)):
         status = cell.status if cell.reason is None else f"{cell.status}: {cell.reason}"
@@ -274,8 +253,7 @@ def scores_table(case: str, run: SceneRun) -> Table:
 
 def mse_over_tests(cell: CellRecord) -> float | None:
     """Return the mean square error over the test views, of display colour over white."""
-    errors = [10.0 ** (-view.psnr / 10.0) for view in cell.views if view.psnr is not None]
-    return float(np.mean(errors)) if errors else None
+    return mean_of(10.0 ** (-view.psnr / 10.0) for view in cell.views if view.psnr is not None)
 
 
 def share_of_looks(run: SceneRun, cell: CellRecord, views: ViewSet) -> float | None:

@@ -130,13 +130,6 @@ def test_the_total_is_not_exceeded_in_a_picture_of_eight_million_pixels() -> Non
     assert (allocated_bins(attention, rays, 7, 1) * rays).sum() <= 7 * rays.sum()
 
 
-def test_a_mean_that_is_not_whole_is_met_as_nearly_as_whole_bins_can() -> None:
-    """100 regions of a ray at 7.25 bins: 725 in all, as 25 of them can have one more."""
-    attention = np.random.default_rng(2).exponential(size=100)
-    assert allocated_bins(attention, np.ones(100, int), 7.25, 2).sum() == 725
-    assert allocated_bins(np.ones(100), np.ones(100, int), 7.25, 2).tolist() == [7] * 100
-
-
 def test_phi_changes_neither_order_nor_allocation_only_the_sum() -> None:
     generator = np.random.default_rng(7)
     for _ in range(100):

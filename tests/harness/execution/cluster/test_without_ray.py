@@ -19,10 +19,10 @@ from harness.execution.ray_executor import _unfinished, news_of
 from harness.machine import provenance
 from harness.machine.provenance import changed_since, differences, versions
 from harness.plan.group_task import GroupTask
-from harness.plan.schedule import Budget
 from scenes.files.errors import InputError
 from tests.harness.cells import cell, checkpoint
-from tests.harness.tiny import SCORE, TRAIN, VIEWS
+from tests.harness.execution.on_two_executors import tasks
+from tests.harness.tiny import SCORE
 from tests.scenes.captures import flip
 
 KEY = ("ball", 0)
@@ -31,8 +31,7 @@ NERF, QNERF = (f"unfinished/ball.{method}.0.safetensors" for method in ("nerf", 
 
 @pytest.fixture
 def task(tmp_path: Path) -> GroupTask:
-    budget = Budget(24, None)
-    return GroupTask("ball", 0, ("nerf", "qnerf"), TRAIN, SCORE, budget, tmp_path, tmp_path / "v", VIEWS)
+    return tasks(tmp_path / "v", tmp_path, 1, SCORE)[0]
 
 
 def told(task: GroupTask, *messages: Message) -> list[str]:
@@ -204,15 +203,13 @@ def test_what_others_could_change_is_not_run_from(
         node_folder()
 
 
-def test_a_shared_folder_is_used_where_it_is(folder: Path) -> None:
-    asked: list[str] = []
-    assert on_this_node(listed(folder), fetching(listed(folder), asked)) == folder
-    assert asked == []
-
-
-def test_elsewhere_it_is_fetched_in_pieces_and_once_and_a_damaged_copy_again(folder: Path) -> None:
+def test_a_shared_folder_is_used_and_elsewhere_it_is_fetched_in_pieces_and_once_and_a_damaged_copy_again(
+    folder: Path,
+) -> None:
     here = listed(folder)
     asked: list[str] = []
+    assert on_this_node(here, fetching(here, asked)) == folder
+    assert asked == []
     there = replace(here, folder=Path("/not/on/this/node/ball"))
     copy = on_this_node(there, fetching(here, asked))
     assert copy.is_relative_to(node_folder())

@@ -155,10 +155,13 @@ def task(tmp_path: Path) -> CellTask:
 
 
 def test_a_kept_cell_is_the_same_and_not_trained_again(task: CellTask, trained: list[CellTask]) -> None:
-    """Other scenes, seeds and methods of the plan do not matter."""
+    """Other scenes, seeds and methods of the plan do not matter. Without a folder nothing is kept."""
     smaller = replace(task, plan=replace(task.plan, scenes=("lego",), seeds=(0,), methods=("nerf",)))
     assert kept_cell(task) == kept_cell(task) == kept_cell(smaller) == CellArms("lego", "nerf", 0, ENDED)
     assert trained == [task]
+    homeless = replace(task, kept=None)
+    assert kept_cell(homeless) == kept_cell(homeless)
+    assert trained == [task, homeless, homeless]
 
 
 def test_a_cell_of_anything_else_is_not_used(task: CellTask, trained: list[CellTask]) -> None:
@@ -182,10 +185,4 @@ def test_a_damaged_cell_is_trained_again(task: CellTask, trained: list[CellTask]
     for file in (task.scratch / "k").iterdir():
         file.write_text(file.read_text().replace("30.5", "31.5"))
     assert kept_cell(task).ended == ENDED
-    assert len(trained) == 2
-
-
-def test_without_a_folder_nothing_is_kept(task: CellTask, trained: list[CellTask]) -> None:
-    for _ in range(2):
-        kept_cell(replace(task, kept=None))
     assert len(trained) == 2

@@ -28,37 +28,34 @@ class Honest(NetworkField):
         self.seed = spec.seed
 
 
-def with_output(change: Callable[[Any, Tensor, Tensor], Any]) -> type[Honest]:
-    """A field whose density and colour are those of `change(field, density, colour)`."""
-
-    class Changed(Honest):
-        def density_and_colour(self, x: Any, view: Any, ray: Any) -> Any:
-            return change(self, *super().density_and_colour(x, view, ray))
-
-    return Changed
-
-
-def with_start(change: Callable[[Any], object]) -> type[Honest]:
-    """A field that is changed when it is made."""
-
-    class Changed(Honest):
-        def __init__(self, spec: FieldSpec) -> None:
-            super().__init__(spec)
-            with torch.no_grad():
-                change(self)
-
-    return Changed
-
-
 def with_attributes(**attributes: Any) -> type:
     return type("Changed", (Honest,), attributes)
 
 
-class NeedsDirections(Honest):
-    def encode_directions(self, d: Any) -> Any:
-        if not self.view_dependent:
-            raise RuntimeError("what now?")
-        return super().encode_directions(d)
+def with_output(change: Callable[[Any, Tensor, Tensor], Any], **attributes: Any) -> type:
+    """A field whose density and colour are those of `change(field, density, colour)`."""
+
+    def density_and_colour(self: Honest, x: Any, view: Any, ray: Any) -> Any:
+        return change(self, *Honest.density_and_colour(self, x, view, ray))
+
+    return with_attributes(density_and_colour=density_and_colour, **attributes)
+
+
+def with_start(change: Callable[[Any], object]) -> type:
+    """A field that is changed when it is made."""
+
+    @torch.no_grad()
+    def start(self: Honest, spec: FieldSpec) -> None:
+        Honest.__init__(self, spec)
+        change(self)
+
+    return with_attributes(__init__=start)
+
+
+def needing_directions(self: Honest, d: Any) -> Any:
+    if not self.view_dependent:
+        raise RuntimeError("what now?")
+    return Honest.encode_directions(self, d)
 
 
 def knows_no_second_pass(field: Any) -> None:
@@ -66,26 +63,13 @@ def knows_no_second_pass(field: Any) -> None:
         raise ValueError("one of me is enough")
 
 
-class HidesWhatItLearnt(Honest):
-    """A running value that is not a buffer, and so not in the checkpoint."""
-
-    shown_in_pictures = True
-
-    def __init__(self, spec: FieldSpec) -> None:
-        super().__init__(spec)
-        self.calls = 0
-
-    def density_and_colour(self, x: Any, view: Any, ray: Any) -> Any:
-        self.calls += torch.is_grad_enabled()
-        sigma, colour = super().density_and_colour(x, view, ray)
-        shown = torch.is_grad_enabled() or self.shown_in_pictures
-        return sigma, colour / (1.0 + 0.01 * self.calls) if shown else colour
-
-
-class HidesWhereItIs(HidesWhatItLearnt):
-    """As above, but only in training: a picture does not show it, a resumed cell does."""
-
-    shown_in_pictures = False
+def with_hidden_calls(field: Any, sigma: Tensor, colour: Tensor) -> Any:
+    """A running value that is not a buffer, and so not in the checkpoint. Unless `shown_in_pictures`, only a resumed
+    cell shows that it is lost.
+    """
+    field.calls += torch.is_grad_enabled()
+    shown = torch.is_grad_enabled() or field.shown_in_pictures
+    return sigma, colour / (1.0 + 0.01 * field.calls) if shown else colour
 
 
 def divided_by_weights(field: Any, sigma: Tensor, colour: Tensor) -> Any:
@@ -113,44 +97,39 @@ def half_of_the_gradient(field: Any, sigma: Tensor, colour: Tensor) -> Any:
     return sigma, 0.5 * (colour + colour.detach())
 
 
-class HalfInSingle(Honest):
+def half_in_single(field: Any, sigma: Tensor, colour: Tensor) -> Any:
     """As above, with a kernel of single precision only."""
-
-    def density_and_colour(self, x: Any, view: Any, ray: Any) -> Any:
-        if x.dtype != torch.float32:
-            raise TypeError("float32 only")
-        return half_of_the_gradient(self, *super().density_and_colour(x, view, ray))
+    if sigma.dtype != torch.float32:
+        raise TypeError("float32 only")
+    return half_of_the_gradient(field, sigma, colour)
 
 
+HIDING = {shown: with_output(with_hidden_calls, calls=0, shown_in_pictures=shown) for shown in (True, False)}
 MISCOUNTING = with_attributes(parameter_counts=lambda self: {"total": 7})
 BROKEN: list[Any] = [
     ("protocols", lambda spec: "a field", "torch.nn.Module"),
     ("protocols", lambda spec: nn.Linear(3, 4), "lacks"),
     ("protocols", MISCOUNTING, "7 in total"),
-    (
-        "shapes",
-        with_attributes(density=lambda self, x: NetworkField.density(self, x).unsqueeze(-1)),
-        "density of 0 points",
-    ),
+    ("shapes", with_attributes(density=lambda self, x: Honest.density(self, x).unsqueeze(-1)), "density of 0 points"),
     ("ranges", with_output(lambda field, sigma, colour: (sigma - 1.0, colour)), "density is"),
     ("ranges", with_attributes(density_limit=1.0), "not 0 to 1"),
     ("unit_of_density", with_output(lambda field, sigma, c: (sigma * field.box.half_extent, c)), "unit of length"),
     ("magnitudes", with_output(divided_by_weights), "not finite"),
     ("gradients", with_start(lambda field: setattr(field, "spare", nn.Parameter(torch.zeros(3)))), "reaches spare"),
     ("derivatives", with_output(half_of_the_gradient), "by differences"),
-    ("derivatives", HalfInSingle, "by differences"),
+    ("derivatives", with_output(half_in_single), "by differences"),
     ("derivatives", with_output(lambda field, sigma, c: (0.5 * (sigma + sigma.detach()), c)), "by differences"),
     ("first_weights", with_start(lambda field: nn.init.normal_(field.density_head.weight)), "uniform_weights"),
     ("pairing", with_start(lambda field: field.density_head.weight.mul_(2.0)), "density_head.weight"),
-    ("rendering", NeedsDirections, "what now"),
+    ("rendering", with_attributes(encode_directions=needing_directions), "what now"),
     ("repeats", with_output(flickering), "another picture"),
     ("pointwise", with_output(with_neighbours), "pointwise is True"),
     ("pointwise", with_attributes(pointwise=False), "pointwise is False"),
     ("two_passes", with_start(knows_no_second_pass), "one of me is enough"),
     ("record", with_attributes(parameter_counts=lambda self: {"total": 7.0}), "parameter_counts"),
     pytest.param("training_repeats", with_output(by_chance_in_training), "differs after", marks=pytest.mark.slow),
-    pytest.param("checkpoint", HidesWhatItLearnt, "restored", marks=pytest.mark.slow),
-    pytest.param("going_on", HidesWhereItIs, "after it was resumed", marks=pytest.mark.slow),
+    pytest.param("checkpoint", HIDING[True], "restored", marks=pytest.mark.slow),
+    pytest.param("going_on", HIDING[False], "after it was resumed", marks=pytest.mark.slow),
     pytest.param("learning", with_output(uphill), "mean squared error", marks=pytest.mark.slow),
 ]
 

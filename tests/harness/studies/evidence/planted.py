@@ -1,7 +1,8 @@
 """Cells whose scores are made from known effects, and a context that hands them to a study."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +10,8 @@ import numpy as np
 
 from harness.execution.progress import Progress
 from harness.plan.run_plan import Machine
-from harness.records.cells import CellRecord, SceneRecord
-from harness.records.study import Effect, Series, Table
+from harness.records.cells import CellRecord, LeftOut, SceneRecord
+from harness.records.study import Check, Effect, Series, Table
 from harness.studies.evidence.contrasts import Design, Term, chosen, signs
 from harness.studies.evidence.evidence_context import EvidenceContext
 from harness.studies.trained_context import StudyRun
@@ -40,18 +41,15 @@ def planted(
     """
     draw = np.random.default_rng(11)
     cells = []
-    for place, scene in enumerate(scenes):
-        for seed in range(seeds):
-            for corner, method in enumerate(design.methods.values()):
-                own = float(draw.normal(0.0, noise)) if noise else 0.0
-                curve = []
-                for step in STEPS:
-                    part = {term: size * ripeness(step) for term, size in truth.items()}
-                    psnr = score(design, corner, part, 20.0 + place + 0.3 * seed + np.log10(step)) + own
-                    at = seconds(method) * step / STEPS[-1]
-                    curve.append(checkpoint(step, at, psnr, ssim=0.8 + psnr / 1000))
-                scores = {"psnr": curve[-1].psnr, "ssim": curve[-1].ssim}
-                cells.append(cell(scene, method, seed, curve, scores=scores))
+    corners = enumerate(design.methods.values())
+    for (place, scene), seed, (corner, method) in product(enumerate(scenes), range(seeds), corners):
+        own = float(draw.normal(0.0, noise)) if noise else 0.0
+        curve = []
+        for step in STEPS:
+            part = {term: size * ripeness(step) for term, size in truth.items()}
+            psnr = score(design, corner, part, 20.0 + place + 0.3 * seed + np.log10(step)) + own
+            curve.append(checkpoint(step, seconds(method) * step / STEPS[-1], psnr, ssim=0.8 + psnr / 1000))
+        cells.append(cell(scene, method, seed, curve, scores={"psnr": curve[-1].psnr, "ssim": curve[-1].ssim}))
     return cells
 
 
@@ -64,30 +62,47 @@ def with_diverged(cells: list[CellRecord], *keys: tuple[str, str, int]) -> list[
 class Planted(EvidenceContext):
     """Hands out cells instead of training them."""
 
-    cells: dict[str, list[CellRecord]] = field(default_factory=dict)
-    pixels: dict[str, int] = field(default_factory=dict)
+    cells: dict[str, list[CellRecord]]
+    pixels: dict[str, int]
+    without: tuple[str, ...]
+    """The scenes that need no view direction."""
 
     def trained(self, name: str) -> StudyRun:
         cells, px = self.cells[name], self.pixels.get(name, 100)
+        box = [[0.0] * 3, [1.0] * 3]
+        row = LeftOut("view direction", "every surface is Lambertian", None, None, None, "view_direction")
         scenes = [
-            SceneRecord(scene, scene, "", px, px, {"train": 60}, 1.0, 2.0, [[0, 0, 0], [1, 1, 1]], None, None, {}, [])
+            SceneRecord(
+                scene, scene, "", px, px, {"train": 60}, 1.0, 2.0, box, None, None, {},
+                [row] if scene in self.without else [],
+            )
             for scene in dict.fromkeys(cell.scene for cell in cells)
-        ]
+        ]  # fmt: skip
         return StudyRun(self.plan(name), scenes, cells)
 
 
-def context_of(folder: Path, cells: dict[str, list[CellRecord]], pixels: dict[str, int] | None = None) -> Planted:
-    return Planted(folder, folder, folder, False, Progress(), Machine("cpu", 1, 1), True, cells, pixels or {})
+def context_of(
+    cells: dict[str, list[CellRecord]], pixels: dict[str, int] | None = None, without: tuple[str, ...] = ()
+) -> Planted:
+    here, machine = Path(), Machine("cpu", 1, 1)
+    return Planted(here, here, here, False, Progress(), machine, True, cells, pixels or {}, without)
 
 
 def sentences(findings: Iterable[Any]) -> list[str]:
     return [finding for finding in findings if isinstance(finding, str)]
 
 
+def checks(findings: Iterable[Any]) -> list[Check]:
+    return [finding for finding in findings if isinstance(finding, Check)]
+
+
+def effects(findings: Iterable[Any]) -> list[Effect]:
+    return [finding for finding in findings if isinstance(finding, Effect)]
+
+
 def effect(findings: Iterable[Any], name: str, against: str = "", scene: str = "all", **facts: str) -> Effect:
     """The only effect of that name, on PSNR at equal steps unless `facts` name something else."""
-    effects = [finding for finding in findings if isinstance(finding, Effect)]
-    (only,) = chosen(effects, name=name, against=against, scene=scene, **facts)
+    (only,) = chosen(effects(findings), name=name, against=against, scene=scene, **facts)
     return only
 
 

@@ -3,18 +3,18 @@
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from scipy.stats import nct
 
-from harness.records.study import Check, Series, Table
+from harness.records.study import Check
 from harness.studies.evidence import calibration as study
 from harness.studies.evidence.calibration import ALONE, ELSEWHERE, HERE, ROBUST, calibration, simulate
 from harness.verdicts.estimates import nested
 from harness.verdicts.statistics import critical, on_one_scene, on_these_scenes, scenes_like_these
-from tests.harness.studies.evidence.planted import context_of
+from tests.harness.patching import changed
+from tests.harness.studies.evidence.planted import context_of, lines, sentences, table
 
 COUNT = 1000
 SCATTER = study.Scatter("planted", 0.12, (0.04, 0.07, 0.1, 0.3))
@@ -23,17 +23,14 @@ SCATTER = study.Scatter("planted", 0.12, (0.04, 0.07, 0.1, 0.3))
 def checks_of_a_small_grid() -> list[Check]:
     grid = [simulate(noise, 8, 3, 0.2, SCATTER, COUNT) for noise in study.NOISE]
     default, bad = (simulate(noise, 8, 3, 0.12, SCATTER, COUNT) for noise in ("unequal scenes", study.ONE_BAD))
-    return list(study.checks(grid, default, bad, {}, {}, COUNT))
+    return list(study.checks(study.Simulated(SCATTER, COUNT, grid, default, bad, {}, {})))
 
 
 @pytest.mark.parametrize(("factor", "failures"), [(1.0, 0), (0.5, 12), (3.0, 12)])
 def test_intervals_of_another_width_are_seen(factor: float, failures: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Six kinds of interval fail at both limits."""
     for name in ("on_these_scenes", "scenes_like_these"):
-        usual = getattr(nested, name)
-        monkeypatch.setattr(
-            nested, name, lambda values, usual=usual: replace(made := usual(values), error=factor * made.error)
-        )
+        changed(monkeypatch, nested, name, lambda made, _: replace(made, error=factor * made.error))
     failed = {check.what for check in checks_of_a_small_grid() if not check.holds and "intervals" in check.what}
     assert len(failed) == failures, failed
     assert not [what for what in failed if ROBUST in what]
@@ -113,12 +110,11 @@ def test_the_scatter_is_read_from_the_published_run_and_named(tmp_path: Path) ->
 def test_the_study_is_complete(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(study, "SCENES", (4, 8))
     monkeypatch.setattr(study, "SEEDS", (3,))
-    results: list[Any] = list(calibration(replace(context_of(Path(), {}), quick=True)))
-    sentences = [finding for finding in results if isinstance(finding, str)]
-    assert sentences[0].startswith("With 8 and 16 scenes, an interval of 95 % holds the truth in 9")
-    assert any("in reduced/summary.json" in sentence for sentence in sentences)
-    (table,) = (finding for finding in results if isinstance(finding, Table))
-    assert len(table.rows) == 2 + len(study.NOISE) * 2 * 3
-    assert {len(row) for row in table.rows} == {len(table.columns)}
-    assert len(table.columns) == 4 + len(study.KINDS) + 4
-    assert {finding.name for finding in results if isinstance(finding, Series)} == {HERE, ELSEWHERE, ALONE, ROBUST}
+    results = list(calibration(replace(context_of({}), quick=True)))
+    assert sentences(results)[0].startswith("With 8 and 16 scenes, an interval of 95 % holds the truth in 9")
+    assert any("in reduced/summary.json" in sentence for sentence in sentences(results))
+    coverage = table(results, "coverage")
+    assert len(coverage.rows) == 2 + len(study.NOISE) * 2 * 3
+    assert {len(row) for row in coverage.rows} == {len(coverage.columns)}
+    assert len(coverage.columns) == 4 + len(study.KINDS) + 4
+    assert {name for _, name in lines(results)} == {HERE, ELSEWHERE, ALONE, ROBUST}

@@ -1,7 +1,6 @@
 """The study of the three parts, on cells whose effects are known."""
 
 from itertools import chain
-from pathlib import Path
 
 import pytest
 
@@ -14,7 +13,6 @@ from harness.studies.evidence.contrasts import Term, spread
 from harness.studies.evidence.evidence_context import READINGS, TRAININGS
 from harness.studies.evidence.factorial import PARTS, cumulative, design_of, factorial, pairs
 from harness.studies.framework import Found
-from tests.harness.cells import diverged
 from tests.harness.studies.evidence.planted import context_of, effect, planted, sentences, table, with_diverged
 from tests.replacing import replace
 
@@ -42,13 +40,13 @@ def cells_of(noise: float = 0.02) -> list[CellRecord]:
     return list(cells.values())
 
 
-def study(folder: Path, cells: list[CellRecord]) -> list[Found]:
-    return list(factorial(context_of(folder, {"factorial": cells})))
+def study(cells: list[CellRecord]) -> list[Found]:
+    return list(factorial(context_of({"factorial": cells})))
 
 
 @pytest.fixture(scope="module")
-def findings(tmp_path_factory: pytest.TempPathFactory) -> list[Found]:
-    return study(tmp_path_factory.mktemp("factorial"), cells_of())
+def findings() -> list[Found]:
+    return study(cells_of())
 
 
 @pytest.mark.parametrize("reading", READINGS)
@@ -85,14 +83,15 @@ def test_what_was_planted_is_found_on_every_scene(findings: list[Found], reading
 def test_rows_of_table_4_are_effects_against_the_row_above_and_against_nerf(findings: list[Found]) -> None:
     """φ encoding alone 0.6 + 0.5; the amplifier on top of it −4 − 0.5; everything the sum of the odd terms."""
     for scene in ("lego", "all"):
-        assert effect(findings, "nerf_phi_encoding", "nerf", scene).difference == pytest.approx(1.1, abs=0.05)
-        above = effect(findings, "nerf_phi_encoding_amplifier", "nerf_phi_encoding", scene)
-        assert above.difference == pytest.approx(-4.5, abs=0.05)
-        assert effect(findings, "qnerf", "nerf", scene).difference == pytest.approx(-3.38, abs=0.05)
+        for method, against, size in (
+            ("nerf_phi_encoding", "nerf", 1.1),
+            ("nerf_phi_encoding_amplifier", "nerf_phi_encoding", -4.5),
+            ("qnerf", "nerf", -3.38),
+        ):
+            assert effect(findings, method, against, scene).difference == pytest.approx(size, abs=0.05)
         assert effect(findings, "qnerf", "nerf_phi_encoding_amplifier", scene, metric="ssim").difference is not None
-        assert effect(findings, "qnerf_theorem", "nerf", scene, budget="seconds").difference == pytest.approx(
-            1.15, abs=0.1
-        )
+        at_equal_time = effect(findings, "qnerf_theorem", "nerf", scene, budget="seconds")
+        assert at_equal_time.difference == pytest.approx(1.15, abs=0.1)
 
 
 def test_sentences_say_which_part_does_what(findings: list[Found]) -> None:
@@ -126,8 +125,8 @@ def test_table_4_has_the_printed_scores(findings: list[Found]) -> None:
     assert combinations.rows[0][lego] == rows[0][2]
 
 
-def test_a_diverged_cell_is_named_and_the_others_are_judged(tmp_path: Path) -> None:
-    findings = study(tmp_path, with_diverged(cells_of(), ("lego", "qnerf", 1)))
+def test_a_diverged_cell_is_named_and_the_others_are_judged() -> None:
+    findings = study(with_diverged(cells_of(), ("lego", "qnerf", 1)))
     assert effect(findings, "qnerf", "nerf").unpaired == 1
     assert effect(findings, "amplifier (Listing 2)").verdict.sign == "below 0"
     three_seeds = effect(findings, "amplifier (Listing 2)", scene="hotdog")
@@ -136,12 +135,10 @@ def test_a_diverged_cell_is_named_and_the_others_are_judged(tmp_path: Path) -> N
     assert "(2 of 3 seeds)" in str(table(findings, "table4_Listing 2").rows[3][2])
 
 
-def test_a_method_without_any_score_does_not_break_the_study(tmp_path: Path) -> None:
-    cells = [
-        diverged(trained.scene, trained.method, trained.seed) if "amplifier" in trained.method else trained
-        for trained in cells_of()
-    ]
-    findings = study(tmp_path, cells)
+def test_a_method_without_any_score_does_not_break_the_study() -> None:
+    cells = cells_of()
+    keys = [(trained.scene, trained.method, trained.seed) for trained in cells if "amplifier" in trained.method]
+    findings = study(with_diverged(cells, *keys))
     lost = effect(findings, "amplifier (Listing 2)")
     assert (lost.difference, lost.verdict, lost.unpaired) == (None, OPEN, 9)
     assert effect(findings, "amplifier (Eq. 4)").verdict.size == "smaller than matters"

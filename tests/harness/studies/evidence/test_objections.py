@@ -1,7 +1,7 @@
 """The studies of objections, and of trainings that end without a picture, on cells whose figures are known."""
 
 import math
-from pathlib import Path
+from itertools import product
 
 import numpy as np
 import pytest
@@ -9,14 +9,13 @@ from scipy.stats import t
 
 from harness.plan.profiles import PROFILES
 from harness.records.cells import CellRecord
-from harness.records.study import Check
 from harness.studies.evidence.collapse import BOXES, collapse, end_of
 from harness.studies.evidence.evidence_context import DENSITIES, OBJECTED, TRAININGS, WITHOUT_SILHOUETTES
 from harness.studies.evidence.objections import OBJECTIONS, amplifier_after_training, objections, octaves
 from harness.studies.trained_context import StudyRun
 from scenes.catalog.entries import CLASSICS
 from tests.harness.cells import cell, checkpoint, diverged
-from tests.harness.studies.evidence.planted import context_of, effect, sentences, table
+from tests.harness.studies.evidence.planted import checks, context_of, effect, sentences, table
 from tests.replacing import replace
 
 AMPLIFIERS = {
@@ -29,18 +28,15 @@ GAINS = {"qnerf": 0.4, "nerf_released": -0.3, "qnerf_shifted": 1.0}
 def cells_of(methods: tuple[str, ...]) -> list[CellRecord]:
     draw = np.random.default_rng(3)
     made = []
-    for place, scene in enumerate(CLASSICS):
-        for seed in (0, 1):
-            for method in methods:
-                psnr = 24.0 + place + GAINS.get(method, 0.0) + draw.normal(0.0, 0.02)
-                amplifier = AMPLIFIERS.get(method, {})
-                curve = [checkpoint(1000, 10.0, psnr, ssim=0.9)]
-                made.append(cell(scene, method, seed, curve, scores={"psnr": psnr, "ssim": 0.9}, properties=amplifier))
+    for (place, scene), seed, method in product(enumerate(CLASSICS), (0, 1), methods):
+        psnr = 24.0 + place + GAINS.get(method, 0.0) + draw.normal(0.0, 0.02)
+        facts = {"scores": {"psnr": psnr, "ssim": 0.9}, "properties": AMPLIFIERS.get(method, {})}
+        made.append(cell(scene, method, seed, [checkpoint(1000, 10.0, psnr, ssim=0.9)], **facts))
     return made
 
 
-def test_each_objection_has_its_difference_and_the_amplifier_its_sentence(tmp_path: Path) -> None:
-    context = context_of(tmp_path, {"objections": cells_of(OBJECTED), "no_silhouettes": cells_of(WITHOUT_SILHOUETTES)})
+def test_each_objection_has_its_difference_and_the_amplifier_its_sentence() -> None:
+    context = context_of({"objections": cells_of(OBJECTED), "no_silhouettes": cells_of(WITHOUT_SILHOUETTES)})
     findings = list(objections(context))
     first, *others = sentences(findings)
     assert "α φ lies between 1.10 and 1.10 (16 trainings)" in first
@@ -65,16 +61,12 @@ def test_without_an_amplifier_there_is_nothing_to_take_out() -> None:
     assert amplifier_after_training(cells_of(("nerf",))) == "No trained method has an amplifier."
 
 
-def test_octaves_are_those_of_the_two_encodings(tmp_path: Path) -> None:
+def test_octaves_are_those_of_the_two_encodings() -> None:
     """A box of half extent π would have the same reach: 2^k x against 2^k π x / h."""
-    run = context_of(tmp_path, {"objections": cells_of(("nerf",))}).trained("objections")
+    run = context_of({"objections": cells_of(("nerf",))}).trained("objections")
     halves = (math.pi, math.pi / 2)
     boxed = [replace(one, bounds=[[-half] * 3, [half] * 3]) for one, half in zip(run.scenes[:2], halves, strict=True)]
     assert "lies 0.0 to 1.0 octaves below" in octaves(StudyRun(run.plan, boxed, run.cells))
-
-
-def test_without_silhouettes_neither_hull_nor_covered_pixels_are_used() -> None:
-    assert set(TRAININGS["no_silhouettes"].need) == {"outside_hull", "background_rays"}
 
 
 # trainings that end without a picture
@@ -92,26 +84,25 @@ def test_what_counts_as_no_picture() -> None:
     assert end_of(diverged("mic", "nerf", 0)) == "diverged"
 
 
-def test_every_end_is_counted_with_its_exact_interval(tmp_path: Path) -> None:
+def test_every_end_is_counted_with_its_exact_interval() -> None:
     own = [trained(25.0, seed=seed) for seed in range(7)]
     own += [trained(19.0, seed=7), diverged("mic", "nerf", 8), trained(25.0, seed=9, warnings=("empty collapse",))]
     own += [cell("mic", "nerf", 10, [], status="error", reason="the disk is full")]
     good = [trained(25.0, method, seed) for method in DENSITIES for seed in range(4)]
-    findings = list(collapse(context_of(tmp_path, {name: good for name in BOXES} | {"box_own": own})))
+    findings = list(collapse(context_of(dict.fromkeys(BOXES, good) | {"box_own": own})))
     # Clopper and Pearson for 3 of 10 and 0 of 20
     assert "3 of 10 in the scene's own box (95 % interval 6.7 to 65.2 %); 0 of 20 in" in sentences(findings)[0]
     assert "(95 % interval 0.0 to 16.8 %)" in sentences(findings)[0]
-    checks = {check.id: check for check in findings if isinstance(check, Check)}
-    assert [name for name, check in checks.items() if check.status == "fail"] == ["lost.box_own"]
+    assert [check.id for check in checks(findings) if check.status == "fail"] == ["lost.box_own"]
     rows = table(findings, "ends").rows
     assert rows[0] == ["the scene's own box", "nerf", "10", "1", "1", "1", "6.7 %", "65.2 %"]
     assert len(rows) == 1 + 3 * len(DENSITIES)
 
 
 @pytest.mark.parametrize("name", BOXES[1:])
-def test_larger_boxes_are_boxes_of_the_same_views(tmp_path: Path, name: str) -> None:
+def test_larger_boxes_are_boxes_of_the_same_views(name: str) -> None:
     """The box is larger, and the views are those of the default run."""
-    views, default = context_of(tmp_path, {}).plan(name).views, PROFILES["reduced"].views
+    views, default = context_of({}).plan(name).views, PROFILES["reduced"].views
     assert views.region is not None
     half = TRAININGS[name].half_side
     assert views.region.bounds == (*[-(half or 0)] * 3, *[half] * 3)

@@ -1,21 +1,14 @@
 """Known losses, planted: found if they exist, reported if they do not, not applicable if nothing is missing."""
 
-from dataclasses import dataclass
-from pathlib import Path
-
 import pytest
 
-from harness.execution.progress import Progress
-from harness.plan.run_plan import Machine
-from harness.records.cells import CellRecord, LeftOut
-from harness.records.study import Check, Effect
+from harness.records.cells import CellRecord
 from harness.studies.evidence.contrasts import listed
 from harness.studies.evidence.evidence_context import TRAININGS
 from harness.studies.evidence.positive_controls import CONTROLS, HISTORY, positive_controls
-from harness.studies.framework import Found
-from harness.studies.trained_context import StudyRun
 from tests.harness.cells import cell, checkpoint, diverged
-from tests.harness.studies.evidence.planted import Planted, effect, sentences
+from tests.harness.studies.evidence import planted
+from tests.harness.studies.evidence.planted import Planted, checks, effect, effects, sentences
 from tests.replacing import replace
 
 LOSSES = {
@@ -34,22 +27,9 @@ def run(scene: str, method: str, seed: int, last: float) -> CellRecord:
     return cell(scene, method, seed, curve, scores={"psnr": last, "ssim": 0.8})
 
 
-@dataclass(frozen=True)
-class Needless(Planted):
-    """Some scenes need no view direction."""
-
-    without: tuple[str, ...] = ()
-
-    def trained(self, name: str) -> StudyRun:
-        complete = super().trained(name)
-        row = LeftOut("view direction", "every surface is Lambertian", None, None, None, "view_direction")
-        scenes = [replace(scene, left_out=[row] if scene.name in self.without else []) for scene in complete.scenes]
-        return replace(complete, scenes=scenes)
-
-
-def context_of(losses: dict[str, float], without: tuple[str, ...] = (), **others: list[CellRecord]) -> Needless:
+def context_of(losses: dict[str, float], without: tuple[str, ...] = (), **others: list[CellRecord]) -> Planted:
     """Three scenes, three seeds."""
-    here, cells = Path(), {}
+    cells = {}
     for name in dict.fromkeys(name for control in CONTROLS for name in (control.baseline, control.training)):
         methods = {"nerf": losses.get(name, 0.0)}
         if f"nerf_{name}" in ("nerf_no_encoding", "nerf_no_direction"):
@@ -60,27 +40,16 @@ def context_of(losses: dict[str, float], without: tuple[str, ...] = (), **others
             for method, loss in methods.items()
             for seed in range(3)
         ]
-    return Needless(
-        here, here, here, False, Progress(), Machine("cpu", 1, 1), True, {**cells, **others}, without=without
-    )
-
-
-def checks(here: Needless) -> list[Check]:
-    return [finding for finding in positive_controls(here) if isinstance(finding, Check)]
-
-
-def effects_of(findings: list[Found]) -> list[Effect]:
-    return [finding for finding in findings if isinstance(finding, Effect)]
+    return planted.context_of({**cells, **others}, without=without)
 
 
 def test_known_losses_are_found() -> None:
     findings = list(positive_controls(context_of(LOSSES)))
-    assert all(finding.holds for finding in findings if isinstance(finding, Check))
+    assert all(check.holds for check in checks(findings))
     assert str(findings[0]).startswith("Yes")
-    effects = effects_of(findings)
-    assert {each.name for each in effects} == {control.name for control in CONTROLS}
+    assert {each.name for each in effects(findings)} == {control.name for control in CONTROLS}
     # nerf with fewer images is a separate run with another clock
-    assert {each.budget for each in effects if "images" in each.name} == {"steps"}
+    assert {each.budget for each in effects(findings) if "images" in each.name} == {"steps"}
     assert effect(findings, "nerf_half_images", "nerf").difference == pytest.approx(-1.1, abs=0.05)
 
 
@@ -93,28 +62,29 @@ def test_known_losses_are_found() -> None:
     ],
 )
 def test_a_loss_that_is_missing_a_gain_or_absurd_fails(control: str, loss: float, held: list[bool]) -> None:
-    here = context_of({**LOSSES, control: loss})
+    findings = list(positive_controls(context_of({**LOSSES, control: loss})))
     words = "half of the images" if control == "half_images" else "positional"
-    assert [check.holds for check in checks(here) if words in check.what] == held
-    assert all(check.holds for check in checks(here) if words not in check.what)
-    assert str(next(positive_controls(here))).startswith("Yes" if held[0] else "In part")
+    assert [check.holds for check in checks(findings) if words in check.what] == held
+    assert all(check.holds for check in checks(findings) if words not in check.what)
+    assert str(findings[0]).startswith("Yes" if held[0] else "In part")
 
 
 def test_a_scene_that_needs_no_view_direction_has_no_pair() -> None:
     findings = list(positive_controls(context_of(LOSSES, without=("lego",))))
-    effects = [each for each in effects_of(findings) if each.name == "nerf_no_direction"]
-    assert {(each.scene, each.unpaired) for each in effects} == {("all", 0), ("drums", 0), ("materials", 0)}
+    pairs = {(each.scene, each.unpaired) for each in effects(findings) if each.name == "nerf_no_direction"}
+    assert pairs == {("all", 0), ("drums", 0), ("materials", 0)}
     assert any("No view direction is needed on lego" in sentence for sentence in sentences(findings))
-    nowhere = context_of(LOSSES, without=SCENES)
+    nowhere = list(positive_controls(context_of(LOSSES, without=SCENES)))
     missing = [check for check in checks(nowhere) if "view direction" in check.what]
     assert [(check.value, check.holds) for check in missing] == [(None, False)] * 2
-    assert any("not applicable" in sentence for sentence in sentences(positive_controls(nowhere)))
+    assert any("not applicable" in sentence for sentence in sentences(nowhere))
 
 
 def test_a_lost_run_keeps_the_loss_from_being_found() -> None:
     quarter = [diverged(scene, "nerf", seed) for scene in SCENES for seed in range(3)]
-    lost = [check for check in checks(context_of(LOSSES, quarter_images=quarter)) if "quarter" in check.what]
-    assert [(check.value, check.holds) for check in lost] == [(0.0, False), (None, False)]
+    findings = positive_controls(context_of(LOSSES, quarter_images=quarter))
+    lost = [(check.value, check.holds) for check in checks(findings) if "quarter" in check.what]
+    assert lost == [(0.0, False), (None, False)]
 
 
 def test_a_small_loss_is_judged_at_the_end_of_its_own_steps_with_its_power() -> None:

@@ -24,7 +24,7 @@ from harness.studies.trained_context import StudyRun
 from scenes.catalog.entries import CLASSICS
 from scenes.files.errors import InputError
 from tests.harness.cells import cell, checkpoint, diverged
-from tests.harness.studies.evidence.planted import table
+from tests.harness.studies.evidence.planted import lines, sentences, table
 
 SCENES = ("ficus", "lego", "mic")
 OFFSETS = dict(zip(SCENES, (0.0, 5.0, 2.0), strict=True))
@@ -68,13 +68,7 @@ def two_families(lost: tuple[str, str, float] | None = None) -> Planted:
 
 
 def line(findings: Iterable[Found], name: str = "nerf", scene: str = "all scenes") -> Series:
-    """The line of that name against core seconds."""
-    panel = f"core seconds of training, {scene}"
-    return next(
-        finding
-        for finding in findings
-        if isinstance(finding, Series) and finding.name == name and finding.panel.endswith(panel)
-    )
+    return lines(findings)[f"Error against core seconds of training, {scene}", name]
 
 
 def test_every_budget_is_a_separate_training_in_core_seconds_with_equal_settings_for_all_families() -> None:
@@ -117,7 +111,7 @@ def test_two_scenes_have_no_band() -> None:
 
 def test_a_family_that_failed_on_a_scene_has_no_mean_there_and_is_named() -> None:
     findings = list(error_against_time(two_families(("lego", "nerf", 16.0))))
-    assert any("nerf on lego" in finding for finding in findings if isinstance(finding, str))
+    assert any("nerf on lego" in sentence for sentence in sentences(findings))
     assert table(findings, "over_scenes").rows[0][2] == "a scene without a score"
     assert line(findings).x == [4.0]
     assert [row[2] for row in table(findings, "by_scene").rows if row[:2] == ["lego", "16"]] == [None]
@@ -137,7 +131,7 @@ def test_crossings_and_ranks_of_two_families() -> None:
     assert table(findings, "crossings").rows == [["nerf", "planes", at, f"{at} to {at}", "100 %"]]
     assert table(findings, "on_front").rows == [["nerf", "0 %", "100 %"], ["planes", "100 %", "0 %"]]
     single = replace(here, amount=replace(here.amount, budgets=(4.0,)))
-    assert not any("winner" in finding for finding in front(single) if isinstance(finding, str))
+    assert not any("winner" in sentence for sentence in sentences(front(single)))
 
 
 def test_pick_names_the_family_of_the_longest_budget_within_the_seconds() -> None:
@@ -180,9 +174,8 @@ def test_larger_pictures_have_a_table_and_lines_of_their_own() -> None:
     amount = replace(here.amount, large_scenes=("mic",), large_families=("nerf", "planes"), large_budgets=(16.0,))
     findings = list(larger(replace(here, amount=amount, cells={"large_16": of_mic})))
     assert "1 scene of 400 pixels: nerf 28.00 dB" in str(findings[0])
-    assert [series.panel for series in findings if isinstance(series, Series)][:2] == [
-        "Error against core seconds of training, all scenes, 400 px"
-    ] * 2
+    panel = "Error against core seconds of training, all scenes, 400 px"
+    assert list(lines(findings))[:2] == [(panel, "nerf"), (panel, "planes")]
 
 
 def test_others_are_compared_with_the_best_of_ours_in_no_more_time(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,6 +2,7 @@
 
 import shutil
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,7 @@ import pytest
 from harness.execution.progress import Progress
 from harness.plan.run_plan import Machine
 from harness.playback.run_loader import FinishedRun, TrainedCell
-from harness.studies.serving.serving_context import ServingContext
+from harness.studies.serving.serving_context import Clock, ServingContext
 from tests.harness.trained_runs import SIZE, train_run
 
 
@@ -44,17 +45,7 @@ def cell(context: ServingContext) -> TrainedCell:
     return nerf
 
 
-class Ticks:
-    """A clock that advances by `step` seconds whenever it is read."""
-
-    def __init__(self, step: float = 1.0) -> None:
-        self.step, self.now = step, 0.0
-
-    def __call__(self) -> float:
-        self.now += self.step
-        return self.now
-
-
 @pytest.fixture
-def ticks() -> Ticks:
-    return Ticks()
+def ticks() -> Clock:
+    """A clock that advances by a second whenever it is read."""
+    return map(float, count()).__next__

@@ -6,11 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from baselines.contract import Rendering
+from baselines.numerics.attention.maps import MAPS
 from harness.playback.progressive import Done, coarse
 from harness.playback.run_loader import TrainedCell
 from harness.studies.serving import attention
 from harness.studies.serving.attention import (
-    KINDS,
     MEASURES,
     ORDERS,
     STRIDE,
@@ -27,10 +28,9 @@ from harness.studies.serving.attention import (
     region_view,
     times_of,
 )
-from harness.studies.serving.serving_context import ServingContext, plain
+from harness.studies.serving.serving_context import Clock, ServingContext, plain
 from harness.training.scoring.evaluate import View
-from tests.harness.playback.test_progressive import Watched
-from tests.harness.studies.serving.conftest import Ticks
+from tests.harness.patching import changed
 
 pytestmark = pytest.mark.slow
 
@@ -122,7 +122,7 @@ def view(context: ServingContext, cell: TrainedCell) -> RegionView:
 
 
 @pytest.mark.parametrize("name", ["foveal", "raster"])
-def test_every_order_ends_in_the_plain_picture(view: RegionView, ticks: Ticks, name: str) -> None:
+def test_every_order_ends_in_the_plain_picture(view: RegionView, ticks: Clock, name: str) -> None:
     run = refine_in(view, name, ticks)
     assert np.diff(run.seconds).tolist() == [[1.0] * len(run.parts)], "one reading of the clock per part"
     assert len(run.parts) == view.regions.count
@@ -144,13 +144,17 @@ def test_repeats_are_kept_apart(view: RegionView, monkeypatch: pytest.MonkeyPatc
     assert set(measured) == {"point", *ORDERS} - {"attention"}
 
 
-def test_a_map_costs_what_it_renders(view: RegionView) -> None:
+def test_a_map_costs_what_it_renders(view: RegionView, monkeypatch: pytest.MonkeyPatch) -> None:
     learner, chunk = view.cell.learner, view.cell.chunk
     frame, rough = (coarse(learner, view.camera, STRIDE, chunk, bins) for bins in (view.bins, view.bins // 2))
-    costs = {}
-    for kind in KINDS:
-        watched: Any = Watched(learner)
-        attention_of(kind, replace(view, cell=replace(view.cell, learner=watched)), frame.view)
-        costs[kind] = sum(watched.evaluations)
+    costs = dict.fromkeys(MAPS, 0)
+
+    def counted(rendering: Rendering, *_: object) -> Rendering:
+        costs[kind] += rendering.network_evaluations
+        return rendering
+
+    changed(monkeypatch, learner, "render", counted)
+    for kind in MAPS:
+        attention_of(kind, view, frame.view)
     assert rough.network_evaluations > 0
     assert costs == {"point": 0, "mask": 0, "foveal": 0, "gradients": 0, "error": rough.network_evaluations}

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +10,7 @@ from harness.playback.cached import CachedMethod
 from harness.playback.run_loader import TrainedCell
 from harness.playback.store import Place, ViewStore
 from harness.records.study import Check
-from harness.studies.serving.serving_context import ServingContext, plain
+from harness.studies.serving.serving_context import Clock, ServingContext, plain
 from harness.studies.serving.view_cache import (
     HITS,
     Variant,
@@ -25,11 +24,11 @@ from harness.studies.serving.view_cache import (
 from harness.training.batches import Camera
 from harness.training.scoring.evaluate import View
 from harness.training.scoring.metrics import mse
-from tests.harness.studies.serving.conftest import Ticks
+from tests.harness.patching import preceded
 from tests.harness.tiny import same, weights
 
 
-def test_every_level_is_timed_as_often_as_requested(context: ServingContext, cell: TrainedCell, ticks: Ticks) -> None:
+def test_every_level_is_timed_as_often_as_requested(context: ServingContext, cell: TrainedCell, ticks: Clock) -> None:
     seconds = latencies(context, cell, ticks)
     rounds, hits = context.sizes.rounds, context.sizes.hits
     counts = {"render": rounds, **dict.fromkeys(HITS, rounds * hits)}
@@ -55,7 +54,7 @@ def test_a_target_is_judged_by_opposite_quartiles(cell: TrainedCell, name: str, 
 
 
 def test_a_hit_with_another_picture_is_an_error(
-    context: ServingContext, cell: TrainedCell, ticks: Ticks, monkeypatch: pytest.MonkeyPatch
+    context: ServingContext, cell: TrainedCell, ticks: Clock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def darker(self: CachedMethod, camera: Camera) -> tuple[View, Place]:
         view = plain(self.learner, camera, self.chunk)
@@ -67,17 +66,10 @@ def test_a_hit_with_another_picture_is_an_error(
 
 
 def test_nothing_reads_a_file_before_it_is_timed(
-    context: ServingContext, cell: TrainedCell, ticks: Ticks, monkeypatch: pytest.MonkeyPatch
+    context: ServingContext, cell: TrainedCell, ticks: Clock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    reads: list[float] = []
-    read = ViewStore._read
-
-    def noted(self: ViewStore, file: Path, size: int) -> bytes | None:
-        pixels = read(self, file, size)
-        reads.append(ticks.now)
-        return pixels
-
-    monkeypatch.setattr(ViewStore, "_read", noted)
+    reads: list[object] = []
+    preceded(monkeypatch, ViewStore, "_read", lambda *arguments: reads.append(arguments))
     latencies(context, cell, ticks)
     assert len(reads) == context.sizes.rounds * context.sizes.hits, "one per hit"
 

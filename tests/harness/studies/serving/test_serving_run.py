@@ -6,11 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from baselines.numerics.attention.maps import MAPS
 from harness.command.main import main
 from harness.records.study import Check, Studies, read_studies
 from harness.studies import framework
 from harness.studies.framework import Found
-from harness.studies.serving.attention import KINDS, MEASURES, NOTHING, ORDERS
+from harness.studies.serving.attention import MEASURES, NOTHING, ORDERS
 from harness.studies.serving.serving_context import Measure, ServingContext, study
 from harness.studies.serving.serving_studies import SHELF, STUDIES
 from harness.training.trainer import Diverged
@@ -63,10 +64,10 @@ def test_the_record_is_complete(out: Path) -> None:
     assert {each.subject for _, each in record.checks() if each.id.startswith("hit.")} == {"nerf", "qnerf"}
     checks = {each.id: each for _, each in record.checks()}
     assert {f"whole.{order}" for order in ORDERS} <= set(checks), "the last part leaves no error"
-    assert checks["earlier.attended"].repeats == len(KINDS)
-    assert (checks["phi.changed"].value, checks["phi.changed"].repeats) == (0.0, len(KINDS))
+    assert checks["earlier.attended"].repeats == len(MAPS)
+    assert (checks["phi.changed"].value, checks["phi.changed"].repeats) == (0.0, len(MAPS))
     (table,) = (table for study in record.studies if study.info.id == "attention" for table in study.tables)
-    assert len(table.rows) == len(KINDS) * len(MEASURES)
+    assert len(table.rows) == len(MAPS) * len(MEASURES)
     settings = record.settings
     assert (settings["scenes"], settings["methods"], settings["width"]) == (["ball"], ["nerf", "qnerf"], SIZE)
     assert not list(out.glob(".scratch-*")), "scratch files are gone"

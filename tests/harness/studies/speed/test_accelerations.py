@@ -17,6 +17,7 @@ from harness.training.trainer import Trainer
 from harness.verdicts.statistics import paired_difference
 from scenes.files.errors import InputError
 from tests.harness.ball import write_ball
+from tests.harness.patching import changed
 from tests.harness.tiny import SCORE, TRAIN, VIEWS, rays_and_colours, train, trainer
 
 METHODS = ("nerf", "nerf_matched", "qnerf", "qnerf_theorem", "qnerf_listing4")
@@ -70,8 +71,7 @@ def test_scores_are_equivalent(change: str, method: str, tmp_path: Path, monkeyp
     `qnerf` shows only background on this scene with most seeds, in any case. The box has no hull, which for ten small
     views would leave so much less to learn that these 200 steps would be another training.
     """
-    box_of = lockstep.box_of
-    monkeypatch.setattr(lockstep, "box_of", lambda views, device: replace(box_of(views, device), hull=None))
+    changed(monkeypatch, lockstep, "box_of", lambda box, *_: replace(box, hull=None))
     learnt = replace(TRAIN, network=replace(TRAIN.network, width=32), rays=256, grid=GridSettings(16, 40, 10))
     plan = replace(planned("smoke"), train=learnt, score=SCORE, views=VIEWS, budget=Budget(200, None))
     assert plan.train.precision == "float32"

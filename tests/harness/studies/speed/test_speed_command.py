@@ -4,7 +4,6 @@ import json
 import weakref
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -24,6 +23,7 @@ from harness.training.lockstep import train_group
 from harness.training.scoring import evaluate
 from scenes.view_sets.view_set import read_view_set
 from tests.harness.ball import write_ball
+from tests.harness.patching import changed
 from tests.harness.tiny import SCORE, TRAIN, VIEWS
 
 
@@ -82,15 +82,13 @@ def test_reading_and_training_take_the_same_memory_for_a_hundred_megabytes_of_im
 def test_views_are_rendered_scored_and_let_go_one_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     alive: list[weakref.ref[evaluate.View]] = []
     most = [0]
-    original = evaluate.render_view
 
-    def watched(*arguments: Any) -> evaluate.View:
-        view = original(*arguments)
+    def watched(view: evaluate.View, *_: object) -> evaluate.View:
         alive.append(weakref.ref(view))
         most[0] = max(most[0], sum(reference() is not None for reference in alive))
         return view
 
-    monkeypatch.setattr(evaluate, "render_view", watched)
+    changed(monkeypatch, evaluate, "render_view", watched)
     ball = read_view_set(write_ball(tmp_path / "ball", size=12, train=4, test=12))
     task = GroupTask("ball", 0, ("nerf",), TRAIN, SCORE, Budget(3, None), tmp_path)
     (cell,) = train_group(task, ball, {}, lambda share: None)
