@@ -95,6 +95,9 @@ def two_runs(first: Path, second: Path) -> TwoRuns:
         before, after = ({str(cell.provenance.get(name, "not recorded")) for cell in side.values()} for side in cells)
         if before != after:
             origins[name] = (sorted(before), sorted(after))
+    before, after = ({str(dict(flat(run.settings)).get("train.precision", "not recorded"))} for run in runs)
+    if before != after:
+        origins["precision"] = (sorted(before), sorted(after))
 
     def apart_by(kind: str) -> list[Apart]:
         names = dict.fromkeys(getattr(cell, kind) for cell, _ in scored)

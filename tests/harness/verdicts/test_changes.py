@@ -114,7 +114,7 @@ FIRST, BELOW = np.array([[1.0, 1.1, 1.2]] * 2), np.array([[-1.2, -1.1, -1.0]] * 
 
 
 def output(folder: Path, cells: list[CellRecord], **changes: object) -> Path:
-    settings = {"budget": {"steps": 10}, "precision": "float32"}
+    settings = {"budget": {"steps": 10}, "train": {"precision": "float32"}}
     run = replace(one_run(), methods=dict.fromkeys(("nerf", "qnerf"), "m"), settings=settings)
     write_run(folder, replace(run, **changes))
     for record in cells:
@@ -129,8 +129,9 @@ def first(tmp_path: Path) -> Path:
 
 def test_how_far_scores_and_differences_moved(first: Path, tmp_path: Path) -> None:
     cells = cells_of(BELOW, moved=(0.1, -0.2), instruction_set="AVX2")
-    result = two_runs(first, output(tmp_path / "second", cells, settings={"budget": {"steps": 10}}))
-    assert result.origins == {"instruction_set": (["AVX512"], ["AVX2"])}
+    settings = {"budget": {"steps": 10}, "train": {"precision": "bfloat16"}}
+    result = two_runs(first, output(tmp_path / "second", cells, settings=settings))
+    assert result.origins == {"instruction_set": (["AVX512"], ["AVX2"]), "precision": (["float32"], ["bfloat16"])}
     nerf, qnerf = result.by_method
     assert (nerf.rms, nerf.mean) == (pytest.approx(((0.1**2 + 0.2**2) / 2) ** 0.5), pytest.approx(-0.05))
     assert (qnerf.cells, qnerf.largest) == (6, pytest.approx(-2.4))
