@@ -190,4 +190,8 @@ AMPLIFIERS: dict[str, Callable[[float | None], Amplifier]] = {
     "running_mean": HeldMeanAmplifier,
     "running_mean_listing2": HeldMeanListing2Amplifier,
 }
-"""Map name → amplifier, as a function of its start."""
+"""Map name → amplifier, as a function of its start.
+
+none is NeRF's softplus; listing2 and equation4 are printed, with a mean of the chunk; the others are Eq. 4 and Listing
+2 about a running mean that belongs to the field.
+"""

@@ -1,6 +1,7 @@
 """Which points of a ray are evaluated: the settings of sampling, and the bins that the occupancy grid leaves."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from jaxtyping import Bool, Float
 from torch import Tensor
@@ -31,6 +32,17 @@ class Sampling:
     """The share of the points of a fixed shape that can be evaluated; what does not fit is counted as dropped."""
 
 
+class Placed(NamedTuple):
+    """The points of rays: what a march begins with."""
+
+    t: Float[Tensor, "rays points"]
+    t_edges: Edges
+    x: Float[Tensor, "rays points 3"]
+    lengths: Bins
+    keep: Bool[Tensor, "rays bins"]
+    """The bins that have a length and are not known to be empty or, in training, hidden."""
+
+
 def placed(
     field: RadianceField,
     rays: Rays,
@@ -39,11 +51,8 @@ def placed(
     sampling: Sampling,
     grid: OccupancyGrid | None,
     draws: Draws | None,
-) -> tuple[Float[Tensor, "rays points"], Edges, Float[Tensor, "rays points 3"], Bins, Bool[Tensor, "rays bins"]]:
-    """Return what a march begins with: points in the bins as distances, random in training (`draws`); the fenceposts;
-    the points in space; the lengths of the bins; and the bins that have a length and are not known to be empty or, in
-    training, hidden.
-    """
+) -> Placed:
+    """Return points in the bins, random in training (`draws`), and the bins to evaluate."""
     t, t_edges = rule.place(t_edges, draws)
     x = rays.origins.unsqueeze(1) + t.unsqueeze(-1) * rays.directions.unsqueeze(1)
     lengths = rule.lengths(t, t_edges)
@@ -57,4 +66,4 @@ def placed(
             u = uniform(cell.shape, draws, lengths)
             occupied = occupied | (grid.within[cell] & (u < sampling.exploration))
         keep = keep & rule.bins_with(occupied)
-    return t, t_edges, x, lengths, keep
+    return Placed(t, t_edges, x, lengths, keep)
