@@ -78,7 +78,7 @@ def test_publish_writes_small_plots_and_the_numbers(tmp_path, pictured, capsys):
 
 
 def test_a_published_command_names_no_folder_of_the_machine():
-    typed = "python -m harness run --view-set '/home/a b/x' rel/y --out=/work/z --claim 'a - b >= 1.5 dB' --resume"
+    typed = "python -m harness run --view-set '/home/a b/x' rel/y --out=/runs/z --claim 'a - b >= 1.5 dB' --resume"
     kept = "python -m harness run --view-set x rel/y --out=z --claim 'a - b >= 1.5 dB' --resume"
     assert without_folders(typed) == kept
 
