@@ -34,8 +34,8 @@ DUELS = (
     (CONTROL, BASELINE),
 )
 NO_ESTIMATE = "–"
-NONE_REPEATED = "Neither run was repeated on another instruction set, so the words are those of one run each."
-NOT_REPEATED = "{} was not repeated on another instruction set, so its words are those of one run."
+NONE_REPEATED = "Neither run was repeated on another instruction set."
+NOT_REPEATED = "{} was not repeated on another instruction set."
 
 
 def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
