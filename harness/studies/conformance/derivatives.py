@@ -35,7 +35,7 @@ class Ladder:
     """The relative tolerance of a gradient, in addition to the error bars."""
 
 
-DOUBLE = Ladder(torch.float64, tuple(8.0**-k for k in range(5, 10)), 1e-5)
+DOUBLE = Ladder(torch.float64, tuple(8.0**-k for k in range(7, 11)), 1e-5)
 SINGLE = Ladder(torch.float32, tuple(4.0**-k for k in range(2, 9)), 0.1)
 
 

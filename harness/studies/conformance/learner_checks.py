@@ -11,7 +11,7 @@ import numpy as np
 import torch
 
 from baselines.contract import NetworkSize
-from baselines.methods.explicit import VoxelSettings
+from baselines.methods.explicit import GAUSSIANS, VoxelSettings
 from harness.plan.schedule import Budget
 from harness.plan.settings import GridSettings, TrainSettings
 from harness.records.snapshot import read_unfinished, write_unfinished
@@ -42,7 +42,11 @@ SETTINGS = TrainSettings(
     last_learning_rate=1e-3,
     warm_up_steps=5,
     grid=GridSettings(cells=12, first_step=20, every=10),
-    own={"voxels_drjit": VoxelSettings(finest=16, bins=24, smoothed=256)},
+    own={
+        "voxels_drjit": VoxelSettings(finest=16, bins=24, smoothed=256),
+        # thousands of Gaussians, half opaque at the start, hide each other in pictures of 24 pixels
+        "ellipsoids": replace(GAUSSIANS["ellipsoids"][0], first=300, most=500),
+    },
 )
 GRID_IN_USE = SETTINGS.grid.first_step + 2
 STOPPED = SETTINGS.grid.first_step // 2
