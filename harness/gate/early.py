@@ -20,6 +20,7 @@ from harness.gate.references import Course, Courses, References
 from harness.plan.profiles import PROFILES
 from harness.plan.schedule import Budget
 from harness.plan.settings import TrainSettings
+from harness.records.json_record import flat
 from harness.records.study import Check
 from harness.studies.drawn_views import disc_views
 from harness.training.batches import Batches
@@ -27,7 +28,6 @@ from harness.training.learner import Job, at_step, steps
 from harness.training.lockstep import box_of
 from harness.training.scoring import evaluate
 from harness.training.trainer import Trainer
-from harness.verdicts.judging.two_runs import flat
 from scenes.view_sets.view_set import ViewSet
 
 STEPS = 24

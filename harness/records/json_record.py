@@ -4,7 +4,7 @@ import hashlib
 import json
 import math
 import stat
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -126,6 +126,15 @@ def read_record(
 def plain(record: object) -> Any:
     """Return the content of `record` in JSON types."""
     return msgspec.to_builtins(record, enc_hook=_plain_scalar)
+
+
+def flat(value: object, name: str = "") -> Iterator[tuple[str, object]]:
+    """Yield the values in nested objects one by one, with names joined by dots."""
+    if not isinstance(value, dict):
+        yield name, value
+        return
+    for key, inner in value.items():
+        yield from flat(inner, f"{name}.{key}".strip("."))
 
 
 def _plain_scalar(value: object) -> float | str:

@@ -27,6 +27,18 @@ from scenes.view_sets.view_set import Split
 TRUTHS = 2
 
 
+@dataclass(frozen=True)
+class GroundTruth:
+    """The test views of a scene, or the reason why they are missing."""
+
+    split: Split | None
+    missing: str = ""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return () if self.split is None else self.split.names
+
+
 @dataclass
 class ShownRun:
     """A shown run. Only `listing` is called outside the thread that renders, so that nothing is locked."""
@@ -45,8 +57,7 @@ class ShownRun:
     loaded: dict[tuple[str, str], engine.MethodView] = field(default_factory=dict)
     lenses: dict[str, Camera] = field(default_factory=dict)
     """Map scene → a camera with the lens of its views."""
-    truths: dict[str, Split | str] = field(default_factory=dict)
-    """Map scene → its test views, or the reason why they are missing."""
+    truths: dict[str, GroundTruth] = field(default_factory=dict)
     sources: Counter[str] = field(default_factory=Counter)
     """The number of complete pictures by origin: a place of the view cache, or `rendered`."""
 
@@ -95,7 +106,7 @@ class ShownRun:
         """List one scene: the size of its pictures, the first camera and those of the test views, and its cells."""
         scene = self.scene(name)
         truth = self.truth(scene)
-        views = [] if isinstance(truth, str) else list(zip(truth.names, truth.camera_to_world, strict=True))
+        poses = () if truth.split is None else truth.split.camera_to_world
         centre = np.mean(scene.bounds, axis=0)
         width = self.width or scene.width
         return {
@@ -105,8 +116,10 @@ class ShownRun:
             "width": width,
             "height": max(1, round(scene.height * width / scene.width)),
             "start": asdict(_start(scene)),
-            "views": [{"name": view, **asdict(orbit_of(pose, centre))} for view, pose in views],
-            "missing": truth if isinstance(truth, str) else "",
+            "views": [
+                {"name": view, **asdict(orbit_of(pose, centre))} for view, pose in zip(truth.names, poses, strict=True)
+            ],
+            "missing": truth.missing,
             "psnr_ceiling": scene.psnr_ceiling,
             "psnr_floor": scene.psnr_floor,
             "cells": {method: self._cell(name, method) for method in self.run.run.methods},
@@ -133,16 +146,17 @@ class ShownRun:
                 return scene
         raise BadRequest("scene: the run has no such scene")
 
-    def truth(self, scene: SceneRecord) -> Split | str:
+    def truth(self, scene: SceneRecord) -> GroundTruth:
         """Return the test views at the smaller of their and the shown width, or the fault of the view set."""
         if scene.name not in self.truths:
             if len(self.truths) >= TRUTHS:
                 del self.truths[next(iter(self.truths))]
             width, scratch = min(self.width or scene.width, scene.width), None if self.memory_alone else self.run.out
             try:
-                self.truths[scene.name] = self.run.views(scene, self.view_sets, width, scratch=scratch).test
+                views = self.run.views(scene, self.view_sets, width, scratch=scratch)
+                self.truths[scene.name] = GroundTruth(views.test)
             except (InputError, OSError) as error:
-                self.truths[scene.name] = f"No ground truth: {error}"
+                self.truths[scene.name] = GroundTruth(None, f"No ground truth: {error}")
         return self.truths[scene.name]
 
     def method_view(self, scene: SceneRecord, method: str) -> engine.MethodView:
@@ -166,9 +180,9 @@ class ShownRun:
     def _test_views(self, scene: SceneRecord, view: int) -> Split:
         """Return the test views; raises `BadRequest` if `view` is none of their numbers."""
         truth = self.truth(scene)
-        if isinstance(truth, str) or view >= len(truth.names):
-            raise BadRequest(f"view: there are {0 if isinstance(truth, str) else len(truth.names)} test views")
-        return truth
+        if truth.split is None or view >= len(truth.names):
+            raise BadRequest(f"view: there are {len(truth.names)} test views")
+        return truth.split
 
     def truth_message(self, name: str, view: int) -> bytes:
         split = self._test_views(self.scene(name), view)

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
+from harness.records.json_record import flat
 from reports.data import wording
 from reports.data.packing import as_data, as_json
 from reports.drawing import palette
@@ -202,15 +203,9 @@ def variables() -> str:
     return f":root{{color-scheme:light;{light}}}{in_the_dark}"
 
 
-def flat(data: Mapping[str, object], prefix: str = "") -> list[tuple[str, str]]:
-    """Map nested settings as `a.b` → text."""
-    rows = []
-    for name, value in data.items():
-        if isinstance(value, dict):
-            rows += flat(value, f"{prefix}{name}.")
-        else:
-            rows.append((f"{prefix}{name}", plain(value)))
-    return rows
+def settings_rows(settings: Mapping[str, object]) -> list[tuple[str, str]]:
+    """Return the name and the text of each of nested settings."""
+    return [(name, plain(value)) for name, value in flat(settings)]
 
 
 def plain(value: object) -> str:
@@ -222,5 +217,9 @@ def plain(value: object) -> str:
 
 
 def groups_of(origin: Mapping[str, object], settings: Mapping[str, object], spent: list[tuple[str, str]]) -> Groups:
-    groups = [("Machine and versions", flat(origin)), ("Settings", flat(settings)), ("Wall time", spent)]
+    groups = [
+        ("Machine and versions", settings_rows(origin)),
+        ("Settings", settings_rows(settings)),
+        ("Wall time", spent),
+    ]
     return [(title, rows) for title, rows in groups if rows]

@@ -17,7 +17,7 @@ from reports.drawing.figure import plots, with_common_limits
 from reports.drawing.palette import colours_of
 from reports.drawing.traces import Panel, Trace
 from reports.page.grid import EMPTY, Column, Entry, Grid
-from reports.page.shell import Layout, flat, section
+from reports.page.shell import Layout, section, settings_rows
 from reports.run.curves import middle_of, points_of
 from scenes.files.atomic import write_atomically
 
@@ -295,7 +295,7 @@ def claims_grid(outputs: list[Output]) -> Grid:
 
 def facts_grid(outputs: list[Output], part: str, caption: str) -> Grid:
     """Tabulate the values of a part of the runs' records, `settings` or `provenance`, that differ between outputs."""
-    facts = [dict(flat(getattr(output.records.run, part))) for output in outputs]
+    facts = [dict(settings_rows(getattr(output.records.run, part))) for output in outputs]
     rows = []
     for name in dict.fromkeys(name for own in facts for name in own):
         values = [own.get(name, NOTHING) for own in facts]

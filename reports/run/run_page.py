@@ -23,7 +23,7 @@ from reports.data.studies_load import NO_SHELVES, ShelfRecords
 from reports.drawing.figure import plots
 from reports.drawing.palette import colours_of
 from reports.page import shell
-from reports.page.shell import Layout, Section, flat, section
+from reports.page.shell import Layout, Section, section, settings_rows
 from reports.run import metrics_table, pictures
 from reports.run.ceiling import ceilings
 from reports.run.curves import Diagram, chooser_rules, diagrams
@@ -273,15 +273,15 @@ def provenance(records: Records) -> shell.Groups:
     sets = []
     for scene in run.scenes:
         split = ", ".join(f"{many} {split}" for split, many in scene.views.items() if many)
-        rendered = [f"{name} {value}" for name, value in flat(scene.rendered)]
+        rendered = [f"{name} {value}" for name, value in settings_rows(scene.rendered)]
         corners = " to ".join(f"({', '.join(f'{x:.3g}' for x in corner)})" for corner in scene.bounds)
         hull = "" if scene.hull_share is None else f", of which the silhouettes leave {scene.hull_share:.0%}"
         known = [scene.view_set, split, f"box {corners}{hull}", scene.seen, *rendered]
         sets.append((scene.name, "; ".join(filter(None, known))))
     groups = [
         ("Run", [("command", run.command), *phases, ("digest of the records", records_digest(records))]),
-        ("Settings", flat(run.settings)),
-        ("Machine and versions", flat(run.provenance)),
+        ("Settings", settings_rows(run.settings)),
+        ("Machine and versions", settings_rows(run.provenance)),
         ("View sets", sets),
     ]
     return [(title, [(name, value) for name, value in rows if value]) for title, rows in groups if rows]

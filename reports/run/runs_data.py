@@ -8,7 +8,7 @@ from reports.data.load import Records, in_complete_groups
 from reports.data.table import SCORES
 from reports.drawing.palette import colours_of
 from reports.drawing.traces import rounded
-from reports.page.shell import flat
+from reports.page.shell import settings_rows
 from reports.run.density import is_histogram
 from reports.run.saving.replay import conditions, replay
 
@@ -74,7 +74,7 @@ def _cell(records: Records, cell: CellRecord, differing: set[str]) -> dict[str, 
         "core_seconds": _number(cell.train_core_seconds),
         "scores": {name: _number(score) for name in SCORES if (score := cell.scores.get(name)) is not None},
         "warnings": cell.all_warnings,
-        "differing": {name: value for name, value in sorted(flat(cell.settings)) if name in differing},
+        "differing": {name: value for name, value in sorted(settings_rows(cell.settings)) if name in differing},
         "views": _known({name: [_number(getattr(view, name)) for view in cell.views] for name in OF_A_VIEW}),
         "trace": _trace(cell),
         "costs": {name: _number(amount) for name, amount in cell.costs.items()},
@@ -102,7 +102,7 @@ def _trace(cell: CellRecord) -> dict[str, list[float | None]]:
 def settings_that_differ(cells: list[CellRecord]) -> dict[str, set[str]]:
     by_scene: dict[str, list[set[tuple[str, str]]]] = {}
     for cell in cells:
-        by_scene.setdefault(cell.scene, []).append(set(flat(cell.settings)))
+        by_scene.setdefault(cell.scene, []).append(set(settings_rows(cell.settings)))
     return {
         scene: {name for name, _ in runs[0].union(*runs) - runs[0].intersection(*runs)}
         for scene, runs in by_scene.items()

@@ -289,7 +289,7 @@ def judgement_page(record: JudgementRecord) -> str:
             ),
             *others,
         ],
-        [("SHA-256 of the table", [*record.digests.items()]), ("Settings", shell.flat(settings))],
+        [("SHA-256 of the table", [*record.digests.items()]), ("Settings", shell.settings_rows(settings))],
         record=record,
         notes=[
             *([f"{record.read_as}."] if record.read_as else []),

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from harness.records.cells import Budget, CellRecord, Estimate, RunRecord, read_cells, read_run
-from harness.records.json_record import plain
+from harness.records.json_record import flat, plain
 from harness.records.verdict import Verdict
 from harness.verdicts.changes import Condition, changes
 from harness.verdicts.comparisons import Key, budgets_of, compare
@@ -146,15 +146,6 @@ def _refuse_other_plans(runs: list[RunRecord], cells: list[dict[Key, CellRecord]
         values = [side.get(name) for side in settings]
         if values[0] != values[1] and not any(word in name for word in OF_THE_MACHINE):
             raise InputError(f"{where}: {name} is {values[0]} against {values[1]}; {remedy}")
-
-
-def flat(value: object, name: str = "") -> Iterable[tuple[str, object]]:
-    """Yield the settings in nested objects one by one, with names joined by dots."""
-    if not isinstance(value, dict):
-        yield name, value
-        return
-    for key, inner in value.items():
-        yield from flat(inner, f"{name}.{key}".strip("."))
 
 
 def _named(cell: CellRecord) -> str:

@@ -8,7 +8,7 @@ import pytest
 
 from reports.data.load import Records, read_records
 from reports.page.script import content_policy
-from reports.page.shell import flat
+from reports.page.shell import settings_rows
 from reports.run.ceiling import ceilings
 from reports.run.run_page import page
 from tests.replacing import replace
@@ -128,7 +128,7 @@ def test_an_unfinished_run_where_everything_failed_is_still_a_page(tmp_path):
 
 
 def test_settings_are_flattened():
-    assert flat({"a": {"b": 1, "c": [1, True]}, "d": None}) == [("a.b", "1"), ("a.c", "1, yes"), ("d", "–")]
+    assert settings_rows({"a": {"b": 1, "c": [1, True]}, "d": None}) == [("a.b", "1"), ("a.c", "1, yes"), ("d", "–")]
 
 
 def with_properties(records: Records, **by_method: dict[str, list[float | None]]) -> Records:
