@@ -38,6 +38,8 @@ class Line:
 
 class FirstScreen(NamedTuple):
     question: str
+    claimed: str
+    """The verdict on the first claim that has one; empty if the heading answers a stated claim."""
     lines: list[Line]
     sure: list[str]
     guests: str
@@ -54,14 +56,20 @@ def first_screen(records: Records, claims: list[Claim], shelves: ShelfRecords) -
             note = "; ".join(filter(None, [claim.note, elsewhere]))
             figures = printed_entry(claim), measured_entry(claim)
             lines.append(Line(words, *figures, claim.verdict, *LOOKS[claim.verdict], note))
+    is_in_the_heading = any(claim.file == STATED for _, claim in shown)
     return FirstScreen(
         question(records, claims),
+        _verdict_on(lines[0]) if lines and not is_in_the_heading else "",
         lines,
         how_sure(records, shelves.evidence),
         guests(records),
         [sentence for sentence, _ in by_cause([claim for _, claim in shown])],
         in_a_sentence(claims),
     )
+
+
+def _verdict_on(line: Line) -> str:
+    return f"{line.words}: claimed {line.printed.text}, {line.verdict}"
 
 
 def principal(records: Records, claims: list[Claim]) -> list[tuple[str, Claim]]:

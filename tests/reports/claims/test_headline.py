@@ -295,6 +295,7 @@ def test_a_stated_claim_is_the_question_and_a_line_of_its_own(whole: Records):
     assert screen.question == "Does it hold that qnerf − nerf in PSNR is ≥ +0.5 dB?"
     line = screen.lines[0]
     assert (line.printed.text, line.measured.text, line.verdict) == ("≥ +0.5 dB", "+0.81 dB", "reproduced")
+    assert screen.claimed == "", "the heading states it"
     alone = shown(with_run(whole, claims=[stated(["qnerf - nerf >= 2 dB"])]))
     assert [line.verdict for line in alone.lines] == ["not reproduced"]
 
@@ -369,8 +370,9 @@ def test_the_page_begins_with_the_first_screen(whole: Records):
     top = text[: text.index("<nav")]
     places = [
         top.index(words)
-        for words in ("as printed?", "<h1>", ">How sure<", "+0.69 to +0.93", ">Scale<", "not that of Q-NeRF",
-                      ">Not tested<", 'href="#not-tested"', "PSNR gain, average", "claims need",
+        for words in ("as printed?", "<h1>", "PSNR gain, average: claimed +1.5 dB, not seen at this scale.",
+                      ">How sure<", "+0.69 to +0.93", ">Scale<", "not that of Q-NeRF",
+                      ">Not tested<", 'href="#not-tested"', "Is it as claimed?", "claims need",
                       ">Confidence<", "0.746", "statements in the ledger", "Every statement",
                       "At what scale", "What was not tested")
     ]  # fmt: skip
