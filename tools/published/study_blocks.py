@@ -105,10 +105,11 @@ def stability(record: Studies) -> str:
     many = Counter((check.owner, check.status) for _, check in record.checks())
     tried = {whose: many[whose, "pass"] + many[whose, "fail"] for whose in ("ours", "paper", "usual")}
     broken = [f"{study.info.id}, {describe(check)}" for study, check in record.broken]
-    failing = f" These of our code fail: {'; '.join(broken)}." if broken else ""
+    failing = f" The failures of our code: {'; '.join(broken)}." if broken else ""
     return (
-        f"In {len(record.studies)} cases {many['ours', 'pass']} of {tried['ours']} checks of our code pass and "
-        f"{many['ours', 'inconclusive']} are inconclusive. The paper's printed formulas fail "
+        f"In {len(record.studies)} cases, of {tried['ours']} checks of our code with a verdict, "
+        f"{many['ours', 'pass']} pass and {many['ours', 'fail']} fail; {many['ours', 'inconclusive']} more are "
+        "inconclusive. The paper's printed formulas fail "
         f"{many['paper', 'fail']} of {tried['paper']} and the field's usual ones {many['usual', 'fail']} of "
         f"{tried['usual']}.{failing} It took {sum(study.seconds for study in record.studies) / 60:.0f} minutes.\n\n"
         "![The matrix of cases in miniature](stability.png)"
@@ -140,13 +141,13 @@ def serving(record: Studies) -> str:
     key = by_id["key.pose"]
     times = [
         f"{number(measured.value, 0)} ms {words}"
-        for order, words in (("attention", "by attention"), ("plain", "plainly"))
+        for order, words in (("attention", "by attention"), ("plain", "in plain order"))
         if (measured := by_id.get(f"whole.{order}"))
     ]
     return (
-        f"Faster than rendering, a hit in the cache is {listed(hits)}. A key of the pose alone, as in Listing 5, would "
-        f"return another picture in {number(key.value, 0)} of {key.repeats} kinds of change. Until 10 % of the coarse "
-        f"frame's error is left in the whole picture: {listed(times)} (medians)."
+        f"A hit in the cache is faster than rendering: {listed(hits)}. A key of the pose alone, as in Listing 5, would "
+        f"return another picture in {number(key.value, 0)} of {key.repeats} kinds of change. The error of the whole "
+        f"picture falls to 10 % of the coarse frame's in {listed(times)} (medians)."
     )
 
 
@@ -195,7 +196,7 @@ def left_out_over_scenes(effects: Run) -> str:
         saved = fmean(row["seconds_saved"] for row in rows)
         words.append(
             f"{what} {signed(effect.mean)} dB {interval(effect.interval)} on {counted(len(changes), 'scene')} "
-            f"({verdict_of(effect.simultaneous, of_interest).phrase}), {number(saved, 0)} core s saved a cell"
+            f"({verdict_of(effect.simultaneous, of_interest).phrase}), {number(saved, 0)} core s saved per cell"
         )
     return f"Left out, over scenes ({counted(len(seeds), 'seed')}): {'; '.join(words)}." if words else ""
 
