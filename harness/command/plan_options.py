@@ -84,7 +84,9 @@ Change = Callable[["Plan", Any], "Plan"]
 
 
 def planned(profile: str, **given: Any) -> "Plan":
-    """Return the plan of a profile with options that are not None: `budget_steps=7`. Raises `InputError` naming one."""
+    """Return the plan of a profile with the options that are not None; `budget_steps` is `--budget-steps`. Raises
+    `InputError` with the option, its value and the known values.
+    """
     from harness.plan.names import known_names
     from harness.plan.plugins import require_methods
     from harness.plan.profiles import PROFILES

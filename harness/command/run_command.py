@@ -203,14 +203,15 @@ def run_tensorboard(options: argparse.Namespace, show: Progress) -> int:
     from harness.run_folder.board import require_tensorboard, write_board
 
     require_tensorboard("tensorboard")
-    cells = list(read_cells(options.run))
-    for cell in cells:
+    count = 0
+    for cell in read_cells(options.run):
         write_board(options.run, cell)
-    if not cells:
+        count += 1
+    if not count:
         raise InputError(
             f"{options.run}: holds no cell of a run; give the output folder of a run, for instance out/latest"
         )
-    show.line(f"{len(cells)} cells written; view them with: tensorboard --logdir {options.run / 'tensorboard'}")
+    show.line(f"{count} cells written; view them with: tensorboard --logdir {options.run / 'tensorboard'}")
     return 0
 
 

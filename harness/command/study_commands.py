@@ -14,6 +14,7 @@ from harness.plan.names import known_names
 from scenes.files.errors import InputError
 
 if TYPE_CHECKING:
+    from harness.plan.run_plan import Machine
     from harness.studies.framework import Shelf, StudyContext
 
 
@@ -83,15 +84,13 @@ def _measure(
     show: Progress,
     shelf: "Shelf",
     context: "Callable[..., StudyContext]",
-    machine: tuple[str, int, int],
+    machine: "Machine",
     *own: object,
     afterwards: Callable[[Path], None] | None = None,
 ) -> int:
     """Measure the studies that `options` name, in a locked folder; return the exit code. Raises `InputError`. `context`
-    takes the fields of `StudyContext` and its `own`, `machine` the device and the numbers of workers and threads;
-    `afterwards` is called before the folder is unlocked.
+    takes the fields of `StudyContext` and its `own`; `afterwards` is called before the folder is unlocked.
     """
-    from harness.plan.run_plan import Machine
     from harness.run_folder.folder_lock import locked_folder
     from harness.run_folder.output_folder import fresh_folder
     from harness.studies.framework import run
@@ -101,7 +100,7 @@ def _measure(
     chosen = known_names("--studies", options.studies or list(shelf.studies), list(shelf.studies))
     out = options.out or fresh_folder(shelf.name, resume=False)
     with locked_folder(out):
-        made = context(out, options.view_sets, out, options.quick, show, Machine(*machine), *own)
+        made = context(out, options.view_sets, out, options.quick, show, machine, *own)
         code = run(shelf, [name for name in shelf.studies if name in chosen], made, options.resume)
         if afterwards is not None:
             afterwards(out)
@@ -116,10 +115,11 @@ def run_evidence(options: argparse.Namespace, show: Progress) -> int:
     if options.list:
         return _listed(SHELF)
     from harness.machine.device import available_cores, chosen_device, multiplies_bfloat16
+    from harness.plan.run_plan import Machine
     from harness.studies.evidence.evidence_context import EvidenceContext
 
     device = chosen_device(options.device)
-    machine = device.type, options.workers or (available_cores() if device.type == "cpu" else 1), 1
+    machine = Machine(device.type, options.workers or (available_cores() if device.type == "cpu" else 1), 1)
     return _measure(options, show, SHELF, EvidenceContext, machine, multiplies_bfloat16(device))
 
 
@@ -143,6 +143,7 @@ def run_frontier(options: argparse.Namespace, show: Progress) -> int:
         return _listed(SHELF)
     from baselines.catalog import CATALOG
     from harness.machine.device import available_cores, chosen_device, multiplies_bfloat16
+    from harness.plan.run_plan import Machine
     from harness.studies.frontier.frontier_context import AMOUNTS, FrontierContext
     from scenes.catalog.entries import CATALOG as SCENES
 
@@ -159,7 +160,7 @@ def run_frontier(options: argparse.Namespace, show: Progress) -> int:
     amount = AMOUNTS["quick" if options.quick else "long" if options.long else "default"]
     amount = replace(amount, **{name: value for name, value in given.items() if value})
     as_planned = multiplies_bfloat16(chosen_device("cpu"))
-    return _measure(options, show, SHELF, FrontierContext, ("cpu", available_cores(), 1), as_planned, amount)
+    return _measure(options, show, SHELF, FrontierContext, Machine("cpu", available_cores(), 1), as_planned, amount)
 
 
 def run_stability(options: argparse.Namespace, show: Progress) -> int:
@@ -169,11 +170,12 @@ def run_stability(options: argparse.Namespace, show: Progress) -> int:
         return _listed(SHELF)
     from baselines.catalog import CATALOG
     from harness.machine.device import available_cores
+    from harness.plan.run_plan import Machine
     from harness.studies.stability.stability_context import METHODS, StabilityContext
 
     methods = known_names("--methods", options.methods or list(METHODS), list(CATALOG))
     cores = available_cores()
-    return _measure(options, show, SHELF, StabilityContext, ("cpu", cores, cores), methods)
+    return _measure(options, show, SHELF, StabilityContext, Machine("cpu", cores, cores), methods)
 
 
 def run_speed(options: argparse.Namespace, show: Progress) -> int:
@@ -184,11 +186,12 @@ def run_speed(options: argparse.Namespace, show: Progress) -> int:
         return _listed(SHELF)
     from harness.machine.device import available_cores, chosen_device
     from harness.machine.processor_class import class_here
+    from harness.plan.run_plan import Machine
     from harness.studies.speed.speed_context import SpeedContext
 
     seconds = options.plain_seconds or (QUICK_PLAIN_SECONDS if options.quick else PLAIN_SECONDS)
     # the sizes of `quick` gain nothing from threads, which wait for each other on a busy machine
-    machine = chosen_device(options.device).type, 1, 1 if options.quick else available_cores()
+    machine = Machine(chosen_device(options.device).type, 1, 1 if options.quick else available_cores())
 
     def append_to_history(out: Path) -> None:
         if not options.quick:
@@ -204,6 +207,7 @@ def run_serving(options: argparse.Namespace, show: Progress) -> int:
     if options.list:
         return _listed(SHELF)
     from harness.machine.device import chosen_device
+    from harness.plan.run_plan import Machine
     from harness.playback.run_loader import FinishedRun
     from harness.studies.serving.serving_context import ServingContext
 
@@ -212,7 +216,7 @@ def run_serving(options: argparse.Namespace, show: Progress) -> int:
     if options.seed not in finished.run.seeds:
         known = " ".join(map(str, finished.run.seeds))
         raise InputError(f"--seed {options.seed}: the run does not have it; it has {known}")
-    machine = chosen_device(options.device).type, 1, options.threads
+    machine = Machine(chosen_device(options.device).type, 1, options.threads)
     own = finished, scenes, methods, options.seed, options.width
     return _measure(options, show, SHELF, ServingContext, machine, *own)
 

@@ -112,6 +112,7 @@ def _reading(path: Path, views: ViewSettings) -> tuple[int, float]:
 
 
 def _missing(plan: Plan, view_sets: Path) -> int:
+    """Return the number of scenes that are still to be rendered."""
     rendered = () if plan.view_set or plan.scene_file else plan.scenes
     return sum(not is_cached(scene, plan.views, view_sets) for scene in rendered)
 
@@ -227,7 +228,9 @@ def measure_paces(plan: Plan, device: torch.device, threads: int) -> Paces:
 
 
 def _batch(plan: Plan, count: int, learner: Learner) -> tuple[Rays, torch.Tensor]:
-    """Return random colours, and rays through random pixels, as many of which miss the box as usual."""
+    """Return rays through random pixels, as many of which miss the box as usual, and random colours; for a learner of
+    whole views the rays are those of one view.
+    """
     poses, width, generator = camera_to_world("train"), plan.views.resolution, generator_for("cost", count)
     focal = float(0.5 * width / np.tan(0.5 * FOV_X_RADIANS))
     cameras = Cameras.of(poses, width, width, focal, RADIUS - 2.0, RADIUS + 2.0)

@@ -18,6 +18,7 @@ def run_groups(
     locally: "Callable[..., Iterator[Event]]",
     arriving: "Arriving | None",
 ) -> "Iterator[Event]":
+    """Run all tasks; on this machine also those that are `arriving`."""
     if machine.executor == "ray":
         from harness.execution.ray_executor import run_on_ray
 

@@ -26,7 +26,8 @@ def run_group(
     on_notice: Callable[[str], None] = lambda text: None,
 ) -> None:
     """Train, score and write every method of the group; a program error ends in records of status `error`. `placed` is
-    what provenance tells of the executor. Raises `OSError` if a record cannot be written.
+    what provenance tells of the executor: `own_cores`, `cores`, `node`, … Raises `OSError` if a record cannot be
+    written.
     """
     from harness.training.cell_training import content_of
     from harness.training.lockstep import train_group

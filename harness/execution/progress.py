@@ -46,7 +46,9 @@ def _rounded(value: float) -> str:
 
 
 class TimeLeft:
-    """An estimate for `total` units in pieces, from the pace of each since its first report: it then has begun."""
+    """An estimate for `total` units in pieces, from the pace since the first report of any. What a piece had done at
+    its own first report does not count.
+    """
 
     def __init__(self, total: float = 1.0) -> None:
         self._total, self._kept, self._began = total, 0.0, 0.0

@@ -18,17 +18,18 @@ COMPARED = ("nerf", "nerf_matched", "qnerf")
 JUDGED = (*COMPARED, "qnerf_repaired")
 """The methods of a long run: `COMPARED`, and the best reading that changes a listing."""
 
-RATES: dict[OptimiserName, tuple[tuple[float, float], float, float]] = {
-    "adam": ((0.9, 0.99), 2e-2, 6e-4),
-    "soap": ((0.9, 0.99), 1e-2, 3e-4),
-    "muon": ((0.95, 0.99), 1.4e-2, 4e-4),
-}
-"""Map optimiser → β, the first and the last learning rate in short runs (`python -m harness study sweep`)."""
+
+def _tuned(name: OptimiserName, betas: tuple[float, float], first_rate: float, last_rate: float) -> dict[str, Any]:
+    optimiser = OptimiserSettings(name, betas)
+    return dict(optimiser=optimiser, learning_rate=first_rate, last_learning_rate=last_rate, decay="linear")
+
+
 TUNED: dict[OptimiserName, dict[str, Any]] = {
-    name: dict(optimiser=OptimiserSettings(name, betas), learning_rate=first, last_learning_rate=last, decay="linear")
-    for name, (betas, first, last) in RATES.items()
+    "adam": _tuned("adam", (0.9, 0.99), first_rate=2e-2, last_rate=6e-4),
+    "soap": _tuned("soap", (0.9, 0.99), first_rate=1e-2, last_rate=3e-4),
+    "muon": _tuned("muon", (0.95, 0.99), first_rate=1.4e-2, last_rate=4e-4),
 }
-"""Map optimiser → the settings of short runs with it, for all methods."""
+"""Map optimiser → the settings of short runs with it, for all methods (`python -m harness study sweep`)."""
 
 REDUCED_TRAINING = TrainSettings(
     network=NetworkSize(depth=6, width=64, colour_layers=2, colour_width=32),

@@ -28,7 +28,9 @@ NOT_BY_REGIONS = (
 
 @dataclass(frozen=True)
 class Done:
-    """Final pixels: flat indices [n], display colour float32 [n, 3], opacity, and depth in scene units, float32 [n]."""
+    """Final pixels: flat indices [n], row by row, display colour float32 [n, 3], opacity and depth in scene units,
+    float32 [n].
+    """
 
     pixels: np.ndarray
     colour: np.ndarray

@@ -215,8 +215,9 @@ class CellRecord(Record, frozen=True):
     largest_density (per half of the longest side of the scene's box), opacity_unit_slab (of that density over that
     length), occupied_share, clipped_share (the share of steps whose gradient was clipped), those of an amplifier
     (`harness.training.scoring.amplifier_effect`), and of the ceiling of density, per half of the longest side
-    (`harness.training.scoring.densities`): None for empty pictures and for methods that are not rendered by points of
-    rays, absent in older records. docs/records.md lists all."""
+    (`harness.training.scoring.densities`, listed in docs/records.md): density_limit is None without a limit,
+    weight_at_ceiling and density_by_weight_* are None for empty pictures and for methods that are not rendered by
+    points of rays. Older records have none of these."""
     warnings: list[str]
     """What a reader must know: empty collapse, billboard (train score far above test score), below the floor."""
     settings: JsonObject

@@ -57,5 +57,6 @@ class LivePage:
 
 
 def _spent_by_children() -> float:
+    """Return the processor seconds of ended child processes."""
     usage = resource.getrusage(resource.RUSAGE_CHILDREN)
     return usage.ru_utime + usage.ru_stime

@@ -37,10 +37,13 @@ from scenes.rendering.occupancy import read_occupancy
 from scenes.view_sets.view_set import ViewSet
 from scenes.view_sets.viewpoints import evenly_spread
 
+CORNERS = 8
+"""The number of voxels between which a point is interpolated."""
+
 
 def flops_per_evaluation(field: object) -> int | None:
-    """Count the operations of density and colour at one point: of a network with its encoder, or of voxels, eight of
-    which interpolate one density and the coefficients of three colours; None for any other field.
+    """Count the operations of density and colour at one point: of a network with its encoder, or of voxels, which
+    interpolate one density and the coefficients of three colours; None for any other field.
     """
     if isinstance(field, nn.Module):
         layers = [layer for layer in field.modules() if isinstance(layer, nn.Linear)]
@@ -49,7 +52,7 @@ def flops_per_evaluation(field: object) -> int | None:
     coefficients: int | None = getattr(field, "coefficients", None)
     if coefficients is None:
         return None
-    return 2 * 8 * (1 + 3 * coefficients) + (2 * 3 * coefficients if coefficients > 1 else 0)
+    return 2 * CORNERS * (1 + 3 * coefficients) + (2 * 3 * coefficients if coefficients > 1 else 0)
 
 
 def content_of(views: ViewSet) -> str | None:
@@ -115,7 +118,9 @@ def _short(value: object) -> object:
 COLLAPSED_OPACITY = 0.02
 """The mean test opacity below which a method has learnt only the background."""
 BILLBOARD_GAP_DB = 6.0
-"""The gap from which images count as painted in front of the cameras, if test views also score below the floor."""
+"""The gap between training and test views from which images count as painted in front of the cameras, if test views
+also score below a copy of the nearest training view.
+"""
 FLAGGED_GAP_DB = 3.0
 """The gap between training and test views from which a warning says so."""
 REFERENCE_LIMITED_DB = 1.0

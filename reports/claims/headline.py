@@ -108,11 +108,14 @@ def _stated(records: Records) -> tuple[str, list[str]] | None:
 def title_of(
     judged: Sequence[Outcome], method: str, baseline: str, control: str | None, how: str, more: Iterable[str] = ()
 ) -> str:
+    """Return the answer of `answer_of`, and what qualifies it."""
     return "; ".join(filter(None, [answer_of(judged, method, baseline, control, how), *more]))
 
 
 def answer_of(judged: Sequence[Outcome], method: str, baseline: str, control: str | None, how: str) -> str:
-    """State the differences of `method` and, behind them, those of others; then `how` they were compared."""
+    """State the differences of `method` and, behind them, those of others; then `how` they were compared.
+    `control` is the baseline with the bandwidth of φ, if it was run.
+    """
     first = {outcome.against: outcome for outcome in judged if outcome.method == method}
     if baseline in first:
         start = _of_first(first[baseline], first.get(control or ""), control)

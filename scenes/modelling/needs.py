@@ -255,6 +255,7 @@ def glows(shape: Description) -> bool:
 
 
 def _largest_extinction(description: Description) -> float:
+    """Return the largest σ_t per scene unit, 0 without media."""
     largest = 0.0
     for entry in entries(description):
         if entry.get("type") in MEDIA:

@@ -142,6 +142,7 @@ class LoadedScene:
         return depth, np.where(length > 1e-6, normal / np.where(length > 1e-6, length, 1.0), 0.0)
 
     def _render(self, scene: Any, integrator: Any, camera_to_world: np.ndarray, spp: int, seed: int) -> np.ndarray:
+        """Return the mean over all passes, float64 [h, w, channels]."""
         mi = use(self._variant)
         passes, spp_pass = self._passes(spp)
         sensor = self._sensor(spp_pass)

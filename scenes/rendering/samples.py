@@ -64,7 +64,9 @@ def noise_curve(few: float, more: float) -> tuple[float, float]:
 
 
 def pilot_noise(scene: LoadedScene, cameras: np.ndarray) -> tuple[float, float]:
-    """Return the mean square noise with each of `PILOT_SPP`, over `PILOT_VIEWS` spread evenly over `cameras`."""
+    """Return the mean square noise of a display image with each of `PILOT_SPP`: means over `PILOT_VIEWS` views spread
+    evenly over `cameras` [n, 4, 4].
+    """
     places = sorted({round(place) for place in np.linspace(0, len(cameras) - 1, PILOT_VIEWS)})
     few, more = (
         float(np.mean([_noise(scene, cameras[place], spp, place) for place in places])) for spp in PILOT_SPP

@@ -103,6 +103,7 @@ def _read(file: Path) -> tuple[np.ndarray, tuple[str, ...], Any]:
 
 
 def _pixels(source: Any, file: Path, kind: Any) -> np.ndarray:
+    """Return all pixels as `kind`, with straight alpha."""
     import OpenImageIO as oiio
 
     spec = source.spec()

@@ -27,7 +27,9 @@ _SEEDS: dict[Split, int] = {"train": 20200819, "val": 20200820, "test": 0}
 def camera_to_world(
     split: Split, view_from: Literal["hemisphere", "sphere"] = "hemisphere", count: int | None = None
 ) -> np.ndarray:
-    """Return `count` evenly spread poses of a split, or all of them; raises `InputError` as `evenly_spread`."""
+    """Return `count` evenly spread poses of a split, or all of them, float64 [count, 4, 4]; raises `InputError` as
+    `evenly_spread`.
+    """
     poses = all_poses(split, view_from)
     return poses if count is None else poses[evenly_spread(count, poses, f"{split} views")]
 

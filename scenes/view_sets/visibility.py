@@ -63,6 +63,7 @@ def likely_cause(views: ViewSet, split: Split) -> str | None:
 
 
 def _seen(views: ViewSet, split: Split) -> np.ndarray:
+    """Return whether the tested pixels are covered, bool [views, pixels]."""
     step = _step(views)
     return np.stack([(image[::step, ::step, 3] >= LEAST_ALPHA).ravel() for image in split.rgba])
 

@@ -1,5 +1,6 @@
 """python -m reports: pages, exit codes, messages, published files and imports, for runs and records of studies."""
 
+import dataclasses
 import json
 import re
 from functools import reduce
@@ -11,7 +12,9 @@ from msgspec.structs import replace
 
 from harness.records.study import SHELVES, Check, read_studies
 from reports.__main__ import BAD_INPUT, OWN_ERROR, SOME_FAILED, STOPPED, main, parser
-from reports.run.saving.publish import summary, without_folders
+from reports.data.load import read_records
+from reports.run.saving.archive import unpack
+from reports.run.saving.publish import summary, without_folders, write_published
 from reports.studies import publishing
 from tests.reports.fake_history import fake_history
 from tests.reports.fake_run import write_fake_run
@@ -77,10 +80,17 @@ def test_publish_writes_small_plots_and_the_numbers(tmp_path, pictured, capsys):
     assert str(tmp_path) not in (tmp_path / "docs" / "summary.json").read_text(encoding="utf-8")
 
 
-def test_a_published_command_names_no_folder_of_the_machine():
-    typed = "python -m harness run --view-set '/home/a b/x' rel/y --out=/runs/z --claim 'a - b >= 1.5 dB' --resume"
-    kept = "python -m harness run --view-set x rel/y --out=z --claim 'a - b >= 1.5 dB' --resume"
+def test_a_published_run_names_no_folder_of_the_machine(tmp_path, small):
+    typed = "python -m harness run --view-set '/home/a=b/x' rel/y --out=/runs/z=1 --claim 'a - b >= 1.5 dB' --resume"
+    kept = "python -m harness run --view-set x rel/y --out=z=1 --claim 'a - b >= 1.5 dB' --resume"
     assert without_folders(typed) == kept
+    records = read_records(small)
+    named = {**records.run.settings, "view_set": ["/home/a b/x"], "scene_file": "/home/a b/mine.xml"}
+    write_published(dataclasses.replace(records, run=replace(records.run, settings=named)), tmp_path / "docs")
+    unpack(tmp_path / "docs" / "run.zip", tmp_path / "out")
+    for file in (tmp_path / "docs" / "summary.json", tmp_path / "out" / "records" / "run.json"):
+        settings = json.loads(file.read_text(encoding="utf-8"))["settings"]
+        assert (settings["view_set"], settings["scene_file"]) == (["x"], "mine.xml")
 
 
 @pytest.mark.slow

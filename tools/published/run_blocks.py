@@ -115,10 +115,11 @@ def verdict(late: Run, early: Run, replicates: Run) -> str:
     sentences.append(NOT_REPEATED.format("The late run") if replicates.get("runs") else NONE_REPEATED)
     minutes = listed([f"{run['phases']['total'] / 60:.0f}" for run in (late, early)])
     commits = list(dict.fromkeys(run["provenance"]["commit"] for run in (late, early)))
+    trained_at = f"commit{'s' * (len(commits) > 1)} {listed(commits)}"
     scene = late["scenes"][0]
     sentences.append(
         f"{counted(len(late['scenes']), 'scene')} × {counted(len(late['seeds']), 'seed')}, {scene['width']} × "
-        f"{scene['height']} px; {minutes} minutes on {late['provenance']['cores']} cores; commit{"s" * (len(commits) > 1)} {listed(commits)}."
+        f"{scene['height']} px; {minutes} minutes on {late['provenance']['cores']} cores; {trained_at}."
     )
     return " ".join(sentences)
 
@@ -160,7 +161,12 @@ def changed(run: Run, before: Condition, after: Condition, words: str) -> str:
         )
         same = f"{sum(moved * size > 0 for moved in scenes)} of {counted(len(scenes), 'scene')}"
         rows.append((f"`{pair[0]}` − `{pair[1]}`", f"{signed(size)} dB", *estimates, same))
-    head = (f"change of the difference {words}", "", *(f"{sense}, 95 %" for sense in SENSES.values()), "scenes with that sign")
+    head = (
+        f"change of the difference {words}",
+        "",
+        *(f"{sense}, 95 %" for sense in SENSES.values()),
+        "scenes with that sign",
+    )
     return with_estimates(head, rows) if rows else ""
 
 

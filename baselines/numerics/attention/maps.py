@@ -49,7 +49,9 @@ def foveal(regions: Regions, row: float, column: float, focal: float) -> np.ndar
 
 
 def from_gradients(regions: Regions, image: np.ndarray) -> np.ndarray:
-    """Return the length of the gradient of an image [height, width, …] over all channels, by central differences."""
+    """Return the length of the gradient of an image [height, width] or [height, width, channels] over all channels, by
+    central differences.
+    """
     given = np.asarray(image, dtype=np.float64)
     slopes = [np.gradient(given, axis=axis) for axis in (0, 1) if given.shape[axis] > 1]
     square = sum((slope**2 for slope in slopes), np.zeros_like(given))

@@ -80,7 +80,8 @@ def region_order(attention: np.ndarray) -> np.ndarray:
 
 
 def allocated_bins(attention: np.ndarray, rays: np.ndarray, bins: int, least: int) -> np.ndarray:
-    """Return bins per ray in each region, int [regions], for a mean of `bins` per ray.
+    """Return bins per ray in each region, int [regions], for a mean of `bins` per ray; 1 ≤ `least` ≤ `bins`, and each
+    region has at least one of `rays`.
 
     Each ray gets `least` bins, and a part of the remaining bins in proportion to the attention of its region; integers
     follow from the largest remainder (ties row by row). The total Σ rays · bins is never exceeded. It is met exactly if

@@ -64,7 +64,9 @@ def seeds_error(weights: np.ndarray, stored: np.ndarray, seeds: int) -> Error:
 
 
 def change_error(weights: np.ndarray, draws: np.ndarray, better_by: np.ndarray) -> Error:
-    """Return the error of rounding, scaled up to the scatter of all finite differences [scenes, methods, seeds]."""
+    """Return the error of rounding, scaled up to the scatter of the differences [scenes, methods, seeds]. A scene and
+    method with a non-finite difference does not count.
+    """
     rounding = rounding_error(weights, draws)
     there = np.isfinite(better_by).all(axis=2)
     expected = draws[there].var(axis=2, ddof=1).mean(axis=1) * (1.0 + 1.0 / draws.shape[3])

@@ -151,8 +151,9 @@ class Simulated:
     bad: DesignPoint
     """The same with one bad cell."""
     claims: dict[str, float]
+    """Map family → the share that claims a sign where nothing differs."""
     misses: dict[str, float]
-    """The errors of families (`errors_of_families`)."""
+    """Map family → the share in which an interval misses the truth."""
 
     @property
     def judged(self) -> list[DesignPoint]:
@@ -166,7 +167,8 @@ def calibration(context: EvidenceContext) -> Iterator[Found]:
     default, bad = (
         simulate(noise, *DEFAULT, scatter.scene_sd, scatter, count, EFFECTS) for noise in (UNEQUAL, ONE_BAD)
     )
-    simulated = Simulated(scatter, count, grid, default, bad, *errors_of_families(scatter, count))
+    claims, misses = errors_of_families(scatter, count)
+    simulated = Simulated(scatter, count, grid, default, bad, claims=claims, misses=misses)
     yield from _sentences(simulated)
     yield from checks(simulated)
     for kind, power in default.power.items():

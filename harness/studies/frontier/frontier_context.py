@@ -30,7 +30,7 @@ LONG_BUDGETS = (*BUDGETS, 240.0)
 """The core seconds of a cell's training: by default, somewhat over an hour on two cores, and with `--long`."""
 VIEWS = replace(PROFILES["reduced"].views, spp_train=256, ceiling_train_db=42.0)
 """The usual views. With those of a short run, whose noise allows 36 dB, trainings of a minute fit the noise; trainings
-on larger pictures are far from it, and use them.
+on larger pictures are far from it, and use the views of a short run.
 """
 GAUSSIANS = {8.0: (2500, 5000), 60.0: (4000, 8000), 600.0: (4000, 16_000), math.inf: (8000, 40_000)}
 """Budgets below which `splats` begins with, and grows to, so many Gaussians: more than it can train are worse."""

@@ -1,4 +1,4 @@
-"""Scores of programs that nobody here wrote, on views of this project, beside the best of ours at the same time."""
+"""Scores of programs that nobody here wrote, on views of this project, next to the best of ours at the same time."""
 
 import csv
 from collections.abc import Iterator
@@ -19,19 +19,23 @@ FILE = Path(__file__).with_name("peers.csv")
 
 @dataclass(frozen=True)
 class Point:
-    name: str
-    """The program, and how it was used."""
+    program: str
+    variant: str
+    """How the program was used."""
     protocol: str
     scene: str
     resolution: int
     core_seconds: float
     psnr: float
 
+    @property
+    def name(self) -> str:
+        return f"{self.program}, {self.variant}"
+
 
 def read_points(file: Path = FILE) -> list[Point]:
     with file.open(encoding="utf-8", newline="") as rows:
-        points = [{**row, "name": f"{row['program']}, {row['variant']}"} for row in csv.DictReader(rows)]
-    return msgspec.convert(points, list[Point], strict=False)
+        return msgspec.convert(list(csv.DictReader(rows)), list[Point], strict=False)
 
 
 def points_of(amount: Amount) -> list[Point]:
@@ -46,14 +50,16 @@ def peers(context: FrontierContext) -> Iterator[Found]:
         yield "No other program was measured on these scenes at this size."
         return
     rows: Rows = []
-    behind = 0
+    ahead = 0
     for point in points:
-        ours = best_within(frontier, point)
-        behind += ours is not None and ours[0] > point.psnr
-        words = "" if ours is None else "{:.1f} dB in {:g} core s, {}".format(*ours)
+        words = ""
+        if (ours := best_within(frontier, point)) is not None:
+            score, budget, family = ours
+            ahead += score > point.psnr
+            words = f"{score:.1f} dB in {budget:g} core s, {family}"
         rows.append([point.name, point.scene, f"{point.core_seconds:g}", f"{point.psnr:.1f}", words, point.protocol])
-    programs = listed(dict.fromkeys(point.name.split(",")[0] for point in points))
-    yield f"{programs}: at {behind} of {len(points)} points a family of ours scores higher in no more core seconds."
+    programs = listed(dict.fromkeys(point.program for point in points))
+    yield f"{programs}: at {ahead} of {len(points)} points a family of ours scores higher in no more core seconds."
     columns = ["program", "scene", "core s", "PSNR, dB", "the best of ours in no more time", "protocol"]
     yield Table("peers", 0, "Other programs on a processor", columns, rows)
 

@@ -1,6 +1,7 @@
 """The context of the stability cases, the owner of a formula, and the checks that several cases build."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
@@ -58,6 +59,11 @@ def error_of(kind: type[_Error], attempt: Callable[..., object], *arguments: obj
 
 def not_judged(subject: str, why: str, status: Status = "not_applicable", owner: Owner = "ours") -> Check:
     return Check("", None, why=why, subject=subject, owner=owner, status=status)
+
+
+def worst_of(errors: Iterable[float]) -> float:
+    """Return the largest error; one that is not finite is the worst, as `max` can pass over a NaN."""
+    return max(errors, key=lambda error: error if math.isfinite(error) else math.inf)
 
 
 def none_of(what: str, offenders: Sequence[str], subject: str, owner: Owner = "ours") -> Check:

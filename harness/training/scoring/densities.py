@@ -24,7 +24,11 @@ QUANTILES = (0.5, 0.9, 0.99)
 def quantiles_by_weight(
     values: Float[Tensor, " samples"], weights: Float[Tensor, " samples"], shares: tuple[float, ...]
 ) -> list[float]:
-    """Return for each share the smallest value that, together with all smaller values, has that share of the weight."""
+    """Return for each share the smallest value that, together with all smaller values, has that share of the weight.
+    Raises `ValueError` if no sample has a weight.
+    """
+    if not float(weights.sum()) > 0.0:
+        raise ValueError("quantiles of samples without weight")
     ordered, place = values.sort()
     summed = weights[place].double().cumsum(0)
     reached = torch.searchsorted(summed, summed[-1] * torch.tensor(shares, dtype=torch.float64, device=summed.device))

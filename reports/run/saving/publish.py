@@ -3,6 +3,7 @@
 import shlex
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 import matplotlib.image
@@ -92,9 +93,12 @@ def write_summary(records: Records, path: Path, shelves: ShelfRecords = NO_SHELV
 
 def write_published(records: Records, folder: Path, shelves: ShelfRecords = NO_SHELVES) -> None:
     """Write summary.json, run.zip (`reports.run.saving.archive`) and, if they can be drawn, psnr.png,
-    error_vs_time.png, work_precision.png and views.png. The command of the run keeps only the last name of each path.
+    error_vs_time.png, work_precision.png and views.png. Command and settings of the run keep only the last name of
+    each absolute path: its folders are of one machine.
     """
-    records = replace(records, run=structs.replace(records.run, command=without_folders(records.run.command)))
+    run = records.run
+    hidden = structs.replace(run, command=without_folders(run.command), settings=_last_names(run.settings))
+    records = replace(records, run=hidden)
     folder.mkdir(parents=True, exist_ok=True)
     write_summary(records, folder / "summary.json", shelves)
     write_archive(records, folder / "run.zip")
@@ -117,12 +121,21 @@ def write_published(records: Records, folder: Path, shelves: ShelfRecords = NO_S
 
 
 def without_folders(command: str) -> str:
-    """Return a shell's command with each absolute path cut to its last name: its folders are of one machine."""
+    """Return a shell's command with each absolute path cut to its last name."""
     words = []
     for word in shlex.split(command):
-        option, sign, value = word.rpartition("=")
-        words.append(f"{option}{sign}{Path(value).name}" if Path(value).is_absolute() else word)
+        option, sign, value = word.partition("=") if word.startswith("-") else ("", "", word)
+        words.append(f"{option}{sign}{_last_names(value)}")
     return shlex.join(words)
+
+
+def _last_names(value: Any) -> Any:
+    """Return nested settings with each absolute path cut to its last name."""
+    if isinstance(value, dict):
+        return {name: _last_names(inner) for name, inner in value.items()}
+    if isinstance(value, list):
+        return [_last_names(inner) for inner in value]
+    return Path(value).name if isinstance(value, str) and Path(value).is_absolute() else value
 
 
 def psnr_dots(records: Records) -> Panel:

@@ -130,7 +130,9 @@ def read_tiny_nerf(file: Path) -> Source:
 def write_tiny_nerf(
     file: Path, rgba: Iterable[np.ndarray], camera_to_world: np.ndarray, focal: float, train: int, region: Region
 ) -> None:
-    """Write straight images [h, w, 4], `train` training views first, over black as the notebook renders them."""
+    """Write straight images [h, w, 4], one per pose [n, 4, 4], the `train` training views first; colour is over black,
+    as the notebook renders it.
+    """
     pairs = [(image[..., :3] * image[..., 3:], image[..., 3]) for image in rgba]
     arrays = {} if region.bounds is None else {"bounds": np.array(region.bounds)}
     arrays |= {

@@ -299,7 +299,10 @@ def _lens(camera: Camera, image: Path, where: str) -> tuple[Lens | None, list[st
     if not any(values.values()) and (camera.fl_x, camera.cx, camera.cy, camera.camera_angle_y) == (None,) * 4:
         return None, []
     width, height = round(camera.w or header(image).width), round(camera.h or header(image).height)
-    fx = camera.fl_x or 0.5 * width / math.tan((angle or math.pi) / 2)  # one of them is given
+    fx = camera.fl_x
+    if fx is None:
+        assert angle is not None
+        fx = 0.5 * width / math.tan(angle / 2)
     fy = camera.fl_y or fx
     cx, cy = (size / 2 if axis is None else axis for size, axis in ((width, camera.cx), (height, camera.cy)))
     lens = Lens.of(model, width, height, values | {"fx": fx, "fy": fy, "cx": cx, "cy": cy})

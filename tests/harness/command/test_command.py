@@ -30,6 +30,7 @@ from tests.harness.trained_runs import in_this_process, train_run
         ("--methods nerf gnerf", "unknown 'gnerf'; known: nerf nerf_matched qnerf"),
         ("--methods nerf nerf", "named twice"),
         ("--seeds 0", "--seeds 0: must lie between"),
+        ("--budget-steps 0", "--budget-steps 0"),
         ("--budget-seconds nan", "--budget-seconds nan"),
         ("--resolution 100000", "--resolution 100000"),
         ("--workers 0", "--workers 0"),

@@ -161,6 +161,7 @@ def test_the_documented_package_conforms(example: Path, method: str) -> None:
         (HEAD + "M = Method(NERF, 'x', deviations=('It has {voxels}.',))", "KeyError: 'voxels'"),
         (HEAD + "M = Method(NERF, 'x', 'a:b')", "parts as its settings, make_field, or a trainer"),
         (HEAD + "M = Method(replace(NERF, encoding='base9'), 'x')", "encoding 'base9' is unknown; known: base2"),
+        (HEAD + "M = Method(replace(NERF, loss='cubed'), 'x')", "loss 'cubed' is unknown; known: squared"),
         (HEAD + "M = Method(replace(NERF, decay='sudden'), 'x')", "decay 'sudden' is unknown; known: exponential"),
         (HEAD + "M = Method(replace(NERF, learning_rate=0.0), 'x')", "its learning_rate 0.0 is not a positive number"),
         (HEAD + "M = Method(replace(NERF, warm_up_steps=-1), 'x')", "its warm_up_steps -1 is below 0"),

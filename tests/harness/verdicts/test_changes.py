@@ -52,7 +52,9 @@ def test_a_change_is_judged_by_the_pairs_of_scene_and_seed() -> None:
 def test_two_words_may_differ_where_nothing_changed_and_agree_where_much_did() -> None:
     """Near a limit, +0.01 and −0.01 of a standard error are no change; +1 and +3 dB with one verdict are a change."""
     small = np.tile([0.195, 0.2, 0.205], (8, 1)) + np.linspace(-0.01, 0.01, 8)[:, None]
-    found = change_of("a", "b", *({str(k): row for k, row in enumerate(side)} for side in (small, small)), paired=True)
+    found = change_of(
+        "a", "b", *({str(k): row for k, row in enumerate(side)} for side in (small - 0.001, small + 0.001)), paired=True
+    )
     assert found.judgement.chosen.verdict.size == "smaller than matters"
     large = [small + more for more in (0.8, 2.8 + np.linspace(-0.1, 0.1, 8)[:, None])]
     found = change_of("a", "b", *({str(k): row for k, row in enumerate(side)} for side in large), paired=True)

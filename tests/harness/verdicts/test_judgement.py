@@ -60,7 +60,8 @@ def test_signs_are_those_of_the_procedure_for_all_pairs(seed: int, scenes: int) 
         assert pair.distinguished == (adjusted <= 0.05)
         assert pair.scenes_like_these is not None
         assert pair.scenes_like_these.p_adjusted == pytest.approx(adjusted)
-        low, high = pair.scenes_like_these.simultaneous or (0.0, 0.0)
+        assert pair.scenes_like_these.simultaneous is not None
+        low, high = pair.scenes_like_these.simultaneous
         assert low <= 0.0 <= high if not pair.distinguished else low >= 0.0 or high <= 0.0
     assert {pair.distinguished for pair in result.pairs} == {True, False}
 

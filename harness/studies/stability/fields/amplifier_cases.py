@@ -29,6 +29,7 @@ from harness.studies.stability.stability_context import (
     none_of,
     not_judged,
     owner_of_method,
+    worst_of,
 )
 from harness.training.scoring.metrics import psnr_from_mse
 from harness.training.trainer import Diverged, Trainer
@@ -56,7 +57,7 @@ def identity(context: StabilityContext) -> Iterator[Found]:
             continue
         with torch.no_grad():
             pairs = [AMPLIFIERS[reading](None).before_and_after(raw) for raw in raws]
-        worst = max(float((after - before).abs().max() / before.max()) for before, after in pairs)
+        worst = worst_of(float((after - before).abs().max() / before.max()) for before, after in pairs)
         # the paper claims the identity as well, so that its readings have the same threshold
         yield check("largest change of a density, of the densest", worst, high=1.2e-7, subject=reading, owner=owner)
 

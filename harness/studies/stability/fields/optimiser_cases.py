@@ -20,7 +20,7 @@ from harness.plan.seeds import generator_for
 from harness.records.study import Check, Owner, Series, Table, check
 from harness.studies.framework import Found, Rows
 from harness.studies.stability.fields.small_training import CPU, STREAM, new_trainer, setup, train, trained
-from harness.studies.stability.stability_context import StabilityContext, error_of, none_of, not_judged
+from harness.studies.stability.stability_context import StabilityContext, error_of, none_of, not_judged, worst_of
 from harness.training.learner import Job, steps
 from harness.training.lockstep import box_of, needs_view_direction
 from harness.training.make_learner import NotAvailable, drjit_backend, learner_for
@@ -241,7 +241,7 @@ def conditioned(context: StabilityContext) -> Iterator[Found]:
             yield check(what, abs(single - double) / max(double, LEAST * first), high=0.25, subject=subject)
             if bases := [value for key, value in optimiser.tensors().items() if key.endswith("_basis")]:
                 what = "largest entry of QᵀQ − 1 of a basis"
-                yield check(what, max(map(off_orthogonal, bases)), high=1e-5, subject=f"{subject}, bases")
+                yield check(what, worst_of(map(off_orthogonal, bases)), high=1e-5, subject=f"{subject}, bases")
     title = f"The loss after {count} steps at the rates of short runs"
     yield Table("conditioned", 8, title, ["condition of a side", "optimiser", "float32", "float64"], rows)
 

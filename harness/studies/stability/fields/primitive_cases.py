@@ -16,7 +16,7 @@ from baselines.splats.ray_cells import RayCells
 from harness.plan.seeds import generator_for
 from harness.records.study import check
 from harness.studies.framework import Found
-from harness.studies.stability.stability_context import StabilityContext
+from harness.studies.stability.stability_context import StabilityContext, worst_of
 
 PARTS = {"position": (0, 3), "scale": (3, 6), "rotation": (6, 10), "opacity": (10, 11), "colour": (11, 14)}
 STEP = 1e-5
@@ -86,7 +86,8 @@ def _compared(
     weight = torch.randn(features.shape, generator=generator_for("stability", "weights"))
     gradients = torch.autograd.grad((features * weight).sum(), leaves)
     truths = torch.autograd.grad((expected * weight).sum(), exact)
-    what, worst = "error of the gradient, where nodes share an entry", max(map(_relative_error, gradients, truths))
+    worst = worst_of(map(_relative_error, gradients, truths))
+    what = "error of the gradient, where nodes share an entry"
     yield check(what, worst, high=2e-5, subject=f"{subject}, gradient")
 
 

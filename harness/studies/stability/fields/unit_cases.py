@@ -15,7 +15,7 @@ from harness.plan.seeds import generator_for
 from harness.records.study import Owner, Series, Table, check
 from harness.studies.framework import Found, Rows
 from harness.studies.stability.fields import small_training
-from harness.studies.stability.stability_context import StabilityContext, owner_of_method
+from harness.studies.stability.stability_context import StabilityContext, owner_of_method, worst_of
 from harness.training.batches import Batches, Cameras
 from harness.training.checkpoints import load_checkpoint, save_checkpoint
 from harness.training.lockstep import box_of
@@ -181,7 +181,7 @@ def units_of_length(context: StabilityContext) -> Iterator[Found]:
         owner: Owner = "paper" if method == "qnerf_printed" else "ours"
         units = ", ".join(f"{k:g}" for k in UNITS)
         what = f"largest change of test PSNR where the unit of length is 1/k as long, k = {units}"
-        change = max(abs(psnr[k] - psnr[1.0]) for k in UNITS)
+        change = worst_of(abs(psnr[k] - psnr[1.0]) for k in UNITS)
         yield check(what, change, high=LARGEST_CHANGE_DB, unit="dB", subject=method, owner=owner)
         what = f"change of test PSNR for k = {EXACT:g}, which rounds nothing"
         yield check(what, abs(psnr[EXACT] - psnr[1.0]), high=0.0, unit="dB", subject=method, owner=owner)

@@ -15,7 +15,7 @@ from baselines.contract import Rays
 from baselines.numerics.bounds import ray_box
 from harness.records.study import Check, check
 from harness.studies.framework import Found
-from harness.studies.stability.stability_context import StabilityContext, error_of, none_of, ours_and_usual
+from harness.studies.stability.stability_context import StabilityContext, error_of, none_of, ours_and_usual, worst_of
 from harness.training.batches import Cameras
 from scenes.files.errors import InputError
 from scenes.modelling.scene import Scene
@@ -175,7 +175,9 @@ def _directions() -> Iterator[Check]:
     poses[:, :3, :3] *= 1.0 + 4e-4  # which `check_poses` still accepts
     check_poses(poses, [str(number) for number in range(len(poses))])
     camera = Cameras.of(poses, SIZE, SIZE, FOCAL, 2.0, 6.0)
-    off = max(float((camera.all_rays(view).directions.norm(dim=-1) - 1).abs().max()) for view in range(len(camera)))
+    off = worst_of(
+        float((camera.all_rays(view).directions.norm(dim=-1) - 1).abs().max()) for view in range(len(camera))
+    )
     yield check("largest deviation of a direction's length from 1", off, high=5e-7, subject="harness")
     attempts: dict[str, Callable[[], object]] = {}
     for length in (0.0, 0.5, 0.99, 1.01, 2.0, math.nan, math.inf):

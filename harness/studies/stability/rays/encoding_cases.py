@@ -14,7 +14,7 @@ from baselines.numerics.encoding import PHI, REACH, checked_positions, encode, f
 from harness.plan.seeds import generator_for
 from harness.records.study import Owner, Series, Table, check
 from harness.studies.framework import Found, Rows
-from harness.studies.stability.stability_context import StabilityContext, error_of
+from harness.studies.stability.stability_context import StabilityContext, error_of, worst_of
 
 DIGITS = 60
 BARS = {("2^k", 10): 1.2e-4, ("2^k", 14): 1.9e-3, ("φ^k", 10): 1.2e-5, ("φ^k", 14): 1.6e-4}
@@ -76,7 +76,7 @@ def positions(context: StabilityContext) -> Iterator[Found]:
     wrong = [f"{value:g}" for value in inside ^ accepted]
     what = f"positions refused within ±{REACH:g} or accepted beyond"
     yield check(what, len(wrong), high=0, why=", ".join(wrong), subject="checked")
-    worst = max(largest_error(encode(places[x], base, 10), x, base) for x in inside for base in BASES.values())
+    worst = worst_of(largest_error(encode(places[x], base, 10), x, base) for x in inside for base in BASES.values())
     yield check("largest error of any band", worst, high=bar, subject="inside the box")
     for ladder, base in BASES.items():
         frequencies = frequency_ladder(base, 10)

@@ -17,9 +17,8 @@ from baselines.rendering import render_rays
 from harness.records.study import check
 from harness.studies.framework import Found
 from harness.studies.stability.rays.exact_rays import OURS, FunctionField, owner_of
-from harness.studies.stability.rays.quadrature_rounding import badness
 from harness.studies.stability.rays.usual_quadrature import running_product
-from harness.studies.stability.stability_context import StabilityContext, error_of, none_of
+from harness.studies.stability.stability_context import StabilityContext, error_of, none_of, worst_of
 
 NEAR, FAR, BINS = 2.0, 6.0, 64
 BACKGROUND = torch.tensor([0.25, 0.5, 1.0])
@@ -60,7 +59,7 @@ def almost_nothing(context: StabilityContext) -> Iterator[Found]:
     exact = -math.expm1(-1e-8 * (FAR - NEAR))
     for name, rule in QUADRATURES.items():
         opacity = float(rendered(everywhere(1e-8), name).opacity[0])
-        steepest = max(_steepest(rule, sigma) for sigma in (1e-8, 1e-10, 1e-12))
+        steepest = worst_of(_steepest(rule, sigma) for sigma in (1e-8, 1e-10, 1e-12))
         why = f"opacity {opacity:.3g}; ∂opacity/∂σ at most {steepest:.2g} for σ = 1e-8 to 1e-12"
         error = abs(opacity / exact - 1.0)
         yield check("relative error of opacity", error, high=1e-6, why=why, subject=name, owner=owner_of(name))
@@ -91,14 +90,14 @@ def nothing(context: StabilityContext) -> Iterator[Found]:
         figures = {}
         for what, (seen, far) in renderings.items():
             gaps = [seen.opacity.abs().max(), (seen.colour - BACKGROUND).abs().max(), (seen.depth - far).abs().max()]
-            figures[what] = max(map(float, gaps), key=badness)
+            figures[what] = worst_of(map(float, gaps))
         t, t_edges = rule.place(posts(3)[:, :1], None)
         w, T_end = rule.weights(torch.full_like(t, 50.0), rule.lengths(t, t_edges))
         figures["no bins"] = float((w.sum(dim=-1).abs() + (T_end - 1.0).abs()).max())
         wrong = [f"{what}: {figure:.3g}" for what, figure in figures.items() if figure != 0.0]
         why = "; ".join(wrong) or f"exact in {len(figures)} situations"
         what = "largest distance from opacity 0, colour = background, depth = far"
-        worst = max(figures.values(), key=badness)
+        worst = worst_of(figures.values())
         yield check(what, worst, high=0.0, why=why, subject=name, owner=owner_of(name))
     w = torch.zeros(BINS)
     depth = (w * torch.linspace(NEAR, FAR, BINS)).sum() / w.sum()

@@ -23,7 +23,7 @@ from harness.studies.stability.rays.exact_rays import (
     owner_of,
     ramp,
 )
-from harness.studies.stability.stability_context import StabilityContext
+from harness.studies.stability.stability_context import StabilityContext, worst_of
 
 SMOOTH = (ramp(1.0), exponential(3.0), gaussian(3.0, 0.6, 0.3))
 """The profiles whose orders are fitted: the light is lost over many bins. On a steeper ramp the first term of the error
@@ -84,7 +84,9 @@ def orders(context: StabilityContext) -> Iterator[Found]:
             yield check(what, least, low=1.0 - ORDER_BAR, why=why, subject=name, owner="paper")
         else:
             why = f"declared {declared.colour:g} (colour), {declared.opacity:g} (opacity)"
-            yield check("largest deviation from the declared order", max(gaps), high=ORDER_BAR, why=why, subject=name)
+            yield check(
+                "largest deviation from the declared order", worst_of(gaps), high=ORDER_BAR, why=why, subject=name
+            )
     drawn, shown = (DRAWN[:2], SHOWN[:1]) if context.quick else (DRAWN, SHOWN)
     for profile in shown:
         for name, rule in QUADRATURES.items():
@@ -100,13 +102,13 @@ def stiff(context: StabilityContext) -> Iterator[Found]:
                 for bins in counts]  # fmt: skip
     for name in QUADRATURES:
         errors = {(profile.name, bins): _errors(name, profile, bins)[1] for profile, bins in profiles}
-        ratio = max(error / (0.5 / bins * MOST_SLOPE) for (_, bins), error in errors.items())
+        ratio = worst_of(error / (0.5 / bins * MOST_SLOPE) for (_, bins), error in errors.items())
         where = max(errors, key=lambda key: errors[key])
         worst = f"largest error {errors[where]:.2g}: {where[0]}, {where[1]} bins"
         what = "error of colour over h/2 · max|c′|, τ of a bin 15 to 1000"
         yield check(what, ratio, high=STIFF_BAR, why=worst, subject=name, owner=owner_of(name))
         if name == "linear":
-            yield check("largest error of colour", max(errors.values()), high=LINEAR_BAR, subject=name)
+            yield check("largest error of colour", worst_of(errors.values()), high=LINEAR_BAR, subject=name)
     shown = [10.0 ** float(k) for k in np.linspace(-2, 3, 2 if context.quick else 21)]
     for name in QUADRATURES:
         y = [max(_errors(name, homogeneous(depth * 64), 64)[1], LEAST) for depth in shown]

@@ -13,7 +13,7 @@ from harness.records.study import Check, Owner, Series, check
 from harness.studies.framework import Found
 from harness.studies.stability.rays.exact_rays import DIGITS, OURS, colour, weights_in_digits
 from harness.studies.stability.rays.usual_quadrature import depths, running_product, stock_expm1
-from harness.studies.stability.stability_context import StabilityContext, error_of
+from harness.studies.stability.stability_context import StabilityContext, error_of, worst_of
 
 SHADE = 0.75
 """The colour of the homogeneous ray, exact in every precision."""
@@ -74,10 +74,10 @@ def homogeneous(context: StabilityContext) -> Iterator[Found]:
         accepted = sum(error_of(TypeError, QUADRATURES[name].weights, *ray) is None for ray in half)
         yield check("half precisions that are not refused", float(accepted), high=0.0, subject=name)
     for name, (owner, weights) in OTHERS.items():
-        errors = {k: max(_errors(weights, "midpoint", 10.0**k, 64)) for k in exponents}
+        errors = {k: worst_of(_errors(weights, "midpoint", 10.0**k, 64)) for k in exponents}
         lost = max((k for k, error in errors.items() if error > 0.01), default=None)
         why = "" if lost is None else f"over 1 % wrong up to τ = {10.0**lost:.1g}"
-        yield check(f"{what}, 64 bins", max(errors.values()), high=BAR, why=why, subject=name, owner=owner)
+        yield check(f"{what}, 64 bins", worst_of(errors.values()), high=BAR, why=why, subject=name, owner=owner)
     yield from _error_against_depth(exponents)
     if not context.quick:
         bins = [4**k for k in range(2, 10)] + [10**6]
@@ -159,9 +159,9 @@ def gradients(context: StabilityContext) -> Iterator[Found]:
         for dtype, bar in (("float32", GRADIENT_BAR), ("float64", DOUBLE_BAR)):
             errors = {tau: _gradient_error(weights, name, tau, bins, DTYPES[dtype]) for tau in depths}
             on_ramp = [_gradient_error(weights, name, tau, bins, DTYPES[dtype], RAMP) for tau in depths]
-            worst, worst_on_ramp = max(errors.values(), key=badness), max(on_ramp, key=badness)
+            worst, worst_on_ramp = worst_of(errors.values()), worst_of(on_ramp)
             why = f"one density {worst:.2g}, ramp {worst_on_ramp:.2g}"
-            yield check(f"{what}, {dtype}", max(worst, worst_on_ramp, key=badness), high=bar, why=why, subject=name)
+            yield check(f"{what}, {dtype}", worst_of([worst, worst_on_ramp]), high=bar, why=why, subject=name)
             if name in ("midpoint", "linear"):
                 yield from _line("Gradients", 3, f"ours ({name}), {dtype}", *axes, errors)
         yield _gradcheck(name)
@@ -171,13 +171,9 @@ def gradients(context: StabilityContext) -> Iterator[Found]:
         wrong = [f"{tau:g}" for tau, error in errors.items() if not error <= 1.0]
         whys = [] if math.isfinite(empty) else [f"{empty} where one density is 0"]
         whys += [f"no digit right at τ of a bin = {', '.join(wrong)}"] if wrong else []
-        worst = max([*errors.values(), empty], key=badness)
+        worst = worst_of([*errors.values(), empty])
         yield check(f"{what}, float32", worst, high=GRADIENT_BAR, why="; ".join(whys), subject=name, owner=owner)
         yield from _line("Gradients", 3, f"{name}, float32", *axes, errors)
-
-
-def badness(error: float) -> float:
-    return error if math.isfinite(error) else math.inf
 
 
 def _gradient_error(

@@ -73,6 +73,7 @@ def score_of(run: SceneRun, cell: CellRecord, views: ViewSet, looks: bool) -> Ru
 
 
 def share_of_views(mse: float, views: ViewSet) -> float:
+    """Return the share of the variance of complete test views that a mean square error leaves explained."""
     pixels = np.concatenate([over_white(rgba).reshape(-1, 3) for rgba in views.test.rgba])
     return 1.0 - mse / scene_truth.colour_variance(pixels)
 

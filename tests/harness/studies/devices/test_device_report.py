@@ -9,7 +9,7 @@ import pytest
 
 from harness.command.main import main
 from harness.studies.devices import device_report
-from harness.studies.devices.device_report import CELLS, faults
+from harness.studies.devices.device_report import CELLS, NETWORKS, faults
 from tests.harness.patching import changed
 from tests.harness.shell import refused
 
@@ -48,6 +48,10 @@ def test_rates_count_what_was_evaluated_and_cells_have_curves(report: dict[str, 
     for method in CELLS:
         cell = report["cells"][method]
         assert (cell["status"], cell["curve"][-1]["step"]) == ("done", cell["steps"])
+
+
+def test_every_network_of_the_catalogue_is_tried() -> None:
+    assert {"nerf", "nerf_matched", "qnerf", "qnerf_repaired", "qnerf_listing4"} < set(NETWORKS)
 
 
 def test_a_device_that_differs_is_named_and_ends_with_exit_code_3(

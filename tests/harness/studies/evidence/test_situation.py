@@ -171,7 +171,7 @@ def test_figures_of_a_study_that_is_not_asked_for_are_dropped_where_its_training
         monkeypatch.setitem(STUDIES, NAMES[1], replace(STUDIES[NAMES[1]], trainings=(TRAINING,)))
     write_trained(context, status="error")
     done, said = resumed(NAMES[1:])
-    assert (done, len(runs)) == (NAMES[1:], 1) if shared else ([], 0)
+    assert (done, len(runs)) == ((NAMES[1:], 1) if shared else ([], 0))
     assert (f"{NAMES[0]}: its figures are dropped, as {TRAINING} has to be resumed" in said) == shared
     assert kept(context) == (NAMES[1:] if shared else NAMES)
 

@@ -1,6 +1,7 @@
 """Q1 to Q10, C1: this harness passes, broken rules and removed checks fail, and the references are exact."""
 
 import dataclasses
+import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from harness.studies.stability.rays import camera_cases, quadrature_edges, quadr
 from harness.studies.stability.rays.exact_rays import OURS, exact, homogeneous
 from harness.studies.stability.rays.quadrature_orders import fitted_order
 from harness.studies.stability.rays.usual_quadrature import running_product, stock_expm1
-from harness.studies.stability.stability_context import StabilityContext
+from harness.studies.stability.stability_context import StabilityContext, worst_of
 from tests.harness.studies.stability.made_up import checks, context_in, findings
 
 
@@ -36,6 +37,11 @@ def test_this_harness_passes_and_other_forms_fail(name: str, context: StabilityC
     assert any(not is_ours for is_ours, _ in outcomes)
     assert (False, "fail") in outcomes or name in ("Q4", "Q5", "Q10")
     assert all(finding.item in CHAPTERS for finding in made if isinstance(finding, Series | Table))
+
+
+def test_the_worst_error_is_one_that_is_not_finite() -> None:
+    assert math.isnan(worst_of([1.0, math.nan, 2.0]))
+    assert worst_of(iter([1.0, 3.0, 2.0])) == 3.0
 
 
 def weigh_midpoint_by(

@@ -293,6 +293,7 @@ def test_shape_is_judged_over_complete_views() -> None:
     mse = scene_truth.mse_over_tests(cell("frequency_1", "nerf", 0, []))
     assert mse == pytest.approx(0.01)
     assert ladder_cases.share_of_views(0.01, views_of(half_covered())) == pytest.approx(1 - 0.01 / variance)
+    assert scene_truth.colour_variance(np.array([[0.2, 0.5, 0.8]] * 3)) == pytest.approx(0.0), "about one colour"
 
 
 def test_only_a_silhouette_is_broken_and_so_is_a_cell_without_scores(tmp_path: Path) -> None:
