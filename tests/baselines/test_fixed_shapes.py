@@ -93,8 +93,8 @@ def test_all_packed_skipped_and_explored_points_agree_with_the_exact_march(
     method: str, capacity: float, grid: OccupancyGrid | None
 ) -> None:
     """Two thirds of the rays hit; a point that only fills the shape is in no mean of Listing 2 or Eq. 4."""
-    if PARTS[method].quadrature == "listing4":  # it has no grid, and needs all points
-        capacity, grid = 1.0, None
+    if PARTS[method].quadrature == "listing4" and (grid is not None or capacity < 1.0):
+        pytest.skip("has no grid, and needs all points")
     skipping = {} if grid is None else {"hidden": True, "exploration": 0.2}
     agree(method, [field_of(method)], Sampling(12, fixed=True, capacity=capacity, **skipping), grid)
 

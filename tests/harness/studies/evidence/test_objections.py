@@ -55,6 +55,7 @@ def test_each_objection_has_its_difference_and_the_amplifier_its_sentence() -> N
     quantiles = t.ppf([0.975, 1 - 0.025 / len(OBJECTIONS)], len(CLASSICS) - 1)
     assert wide / own == pytest.approx(quantiles[1] / quantiles[0])
     assert len(table(findings, "taken_out").rows) == len(AMPLIFIERS) * len(CLASSICS)
+    assert context.plan("no_silhouettes").views.need == ("outside_hull", "background_rays")
 
 
 def test_without_an_amplifier_there_is_nothing_to_take_out() -> None:
