@@ -68,6 +68,16 @@ def failure_of(cell: CellRecord) -> Failure | None:
     return "empty collapse" if collapsed else None
 
 
+def state_of(cell: CellRecord) -> str:
+    """Return how a run failed because of its method, else its status."""
+    return failure_of(cell) or cell.status
+
+
+def is_lost(cell: CellRecord) -> bool:
+    """Return whether a run diverged, ended in empty collapse, or failed for another reason."""
+    return cell.status == "error" or failure_of(cell) is not None
+
+
 def judgeable(cell: CellRecord) -> bool:
     return cell.status == "done" and failure_of(cell) is None
 

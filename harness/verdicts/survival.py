@@ -1,10 +1,11 @@
 """The times at which cells reach a PSNR, and which method was sooner: times are censored, never dropped.
 
-A run that ends below the target is censored: its time is known to be longer. A run that diverged never reaches the
-target, even if it scored above it before, because divergence is a result of its method. A run that failed for other
-reasons (a full disk, a killed process) is censored when it failed, and its pairs are not judged. A run above the target
-at its first checkpoint reached it at that time or earlier; it counts with the time of the checkpoint, which can hide a
-difference but never create one.
+A run that ends below the target is censored: its time is known to be longer. A run that diverged or ended in empty
+collapse never reaches the target, even if it scored above it before, because that is a result of its method. A run
+that failed for other reasons (a full disk, a killed process) is censored when it failed, and its pairs are not judged.
+A run above the target at its first checkpoint reached it at that time or earlier, and counts with the time of the
+checkpoint. At equal steps this can hide a difference but never create one; on another clock no method is called sooner
+than such a run.
 """
 
 import math
@@ -32,6 +33,7 @@ from harness.verdicts.comparisons import (
     fields_of,
     scenes_of,
 )
+from harness.verdicts.failures import COLLAPSED, judgeable, state_of
 from harness.verdicts.statistics import (
     CONFIDENCE,
     PairedDifference,
@@ -41,8 +43,12 @@ from harness.verdicts.statistics import (
     sign_test,
 )
 
-LOST = {"diverged": "diverged", "error": "failed", "done": "has no score"}
-"""Map status → why a run counts as not reaching the target, even if it scored above it before."""
+LOST = {"diverged": "diverged", COLLAPSED: "ended in empty collapse", "error": "failed", "done": "has no score"}
+"""Map state → why a run counts as not reaching the target, even if it scored above it before."""
+
+
+STAYING = ("diverged", COLLAPSED, "done")
+"""The states of runs that never reach the target and stay at risk."""
 
 
 def targets(
@@ -79,9 +85,7 @@ def chosen_target(runs: list[CellRecord], baseline: str, printed: ClaimFile | No
     """Return the printed target if half of the `runs` reach it, else the largest whole dB that half of them reach, with
     a sentence on the choice; None if fewer than half of the runs finished with a score.
     """
-    best = [
-        max((psnr for _, psnr in scored(cell, "steps") if cell.status == "done"), default=-math.inf) for cell in runs
-    ]
+    best = [max((psnr for _, psnr in scored(cell, "steps") if judgeable(cell)), default=-math.inf) for cell in runs]
     best.sort(reverse=True)
     median = best[math.ceil(len(best) / 2) - 1] if best else -math.inf
     if not math.isfinite(median):
@@ -106,9 +110,9 @@ def chosen_target(runs: list[CellRecord], baseline: str, printed: ClaimFile | No
 def reach(cell: CellRecord, axis: Axis, target: float) -> Reach:
     """Return when `cell` first reached `target`, on a line over the logarithm of time between checkpoints."""
     points = scored(cell, axis)
-    if cell.status != "done" or not points:
+    if not judgeable(cell) or not points:
         watched = points[-1][0] if points else float(getattr(cell, SPENT[axis]) or 0.0)
-        return Reach(cell.scene, cell.method, cell.seed, axis, watched, "never", LOST[cell.status])
+        return Reach(cell.scene, cell.method, cell.seed, axis, watched, "never", LOST[state_of(cell)])
     time, known = first_reached(points, target)
     why = f"ended at {points[-1][1]:.2f} dB" if known == "never" else ""
     return Reach(cell.scene, cell.method, cell.seed, axis, time, known, why)
@@ -130,11 +134,11 @@ def first_reached(
 def kaplan_meier(reaches: list[Reach]) -> tuple[list[float], list[float], list[int]]:
     """Return (times, share that has reached the target, runs at risk just before), as `ReachCurve` holds them.
 
-    Runs that diverged stay at risk until the last run ends: censoring them earlier would count them as no worse than
-    the others. Runs that failed for other reasons are censored when they failed.
+    Runs that diverged or collapsed stay at risk until the last run ends: censoring them earlier would count them as no
+    worse than the others. Runs that failed for other reasons are censored when they failed.
     """
     end = max(each.time for each in reaches)
-    lost = [each.known == "never" and each.why in (LOST["diverged"], LOST["done"]) for each in reaches]
+    lost = [each.known == "never" and each.why in (LOST[state] for state in STAYING) for each in reaches]
     watched = np.array([end if is_lost else each.time for each, is_lost in zip(reaches, lost, strict=True)])
     event = np.array([each.known != "never" for each in reaches])
     times = np.unique(np.append(watched[event], end))
@@ -168,10 +172,18 @@ class Paired:
         first, second = (sum(pair[side].known == known for pair in self.pairs.values()) for side in (0, 1))
         return first, second
 
-    def sooner(self, family: int) -> Sign:
-        """Return the method that was first in more pairs than chance explains (exact two-sided sign test)."""
-        ahead = sum(first.time < second.time for first, second in self.pairs.values())
-        behind = sum(first.time > second.time for first, second in self.pairs.values())
+    def may_be_false(self, sign: Sign) -> bool:
+        """Return whether a run that counts as the later one of a pair may have been the sooner one."""
+        known = {"above 0": self.pairs.values(), "below 0": [pair[::-1] for pair in self.pairs.values()], "open": ()}
+        return any(later.known == "earlier" and first.time < later.time for first, later in known[sign])
+
+    def sooner(self, family: int, of_scenes: bool) -> Sign:
+        """Return the method that was first in more pairs, or on more scenes, than chance explains (exact two-sided sign
+        test).
+        """
+        table = self.table(lambda first, second: float(np.sign(second - first)))
+        signs = [np.nanmean(values) for values in table.values()] if of_scenes else np.concatenate([*table.values()])
+        ahead, behind = sum(sign > 0 for sign in signs), sum(sign < 0 for sign in signs)
         if sign_test(ahead, behind) >= (1.0 - CONFIDENCE) / family:
             return "open"
         return "above 0" if ahead > behind else "below 0"
@@ -199,7 +211,7 @@ def compared(
         saving = _per_cent(on_these_scenes(ratios).mean)
         if scene == "all" and len(ratios) > 1:
             here = _estimate(paired, on_these_scenes(ratios, family))
-            elsewhere = _estimate(paired, scenes_like_these(ratios, family))
+            elsewhere = _estimate(paired, scenes_like_these(ratios, family), of_scenes=True)
             apart = scenes_like_these(differences)
         else:
             (only,) = ratios
@@ -231,15 +243,19 @@ def compared(
     )
 
 
-def _estimate(paired: Paired, result: PairedDifference, settled: bool = True) -> Estimate:
-    """Return the estimate in per cent of time saved, without a verdict unless `settled`."""
+def _estimate(paired: Paired, result: PairedDifference, settled: bool = True, of_scenes: bool = False) -> Estimate:
+    """Return the estimate in per cent of time saved, without a verdict unless `settled`; `of_scenes` if its unit is the
+    scene.
+    """
     verdict = verdict_of(_in_per_cent(result.simultaneous), SMALLEST_SAVING) if settled else OPEN
     bounds = any(each.known != "reached" for pair in paired.pairs.values() for each in pair)
     if settled and bounds:
         if not _with_width(result.interval):  # times that are bounds are equal by construction
-            verdict = Verdict(paired.sooner(result.family), "open")
+            verdict = Verdict(paired.sooner(result.family, of_scenes), "open")
         elif verdict.size == "smaller than matters":
             verdict = Verdict(verdict.sign, "open")
+        if paired.may_be_false(verdict.sign):
+            verdict = OPEN
     detectable = result.smallest_detectable
     return Estimate(
         _in_per_cent(_with_width(result.interval)),

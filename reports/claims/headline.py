@@ -11,6 +11,7 @@ from harness.records.cells import Comparison
 from harness.records.claims import STATED
 from harness.records.verdict import phrase_with
 from harness.verdicts.changes import Condition, change
+from harness.verdicts.failures import is_lost
 from harness.verdicts.headline_family import is_headline
 from harness.verdicts.last_doubling import STILL_RISING, last_doublings
 from reports.claims.claim_list import claims, tally
@@ -30,7 +31,6 @@ from reports.data.scale import value_at
 from reports.data.table import average_of, cells_frame, shared_scenes
 from reports.data.wording import BUDGETS, UNTESTED, counted, interval, listed, number, signed
 
-LOST = {"diverged", "error"}
 ANSWERS = {"holds": "Yes", "fails": "No", "": "Open", "muted": "Not tested"}
 """The tone of a claim's verdict → the answer to whether it holds."""
 FURTHER = 2
@@ -158,11 +158,11 @@ def _outcome(records: Records, method: str, fought: list[Duel]) -> tuple[str, li
     all, unfinished training and lost runs.
     """
     baseline, control = records.baseline, records.control
-    statuses = {cell.status for cell in records.cells if cell.method == method}
-    if statuses == {"not_available"}:
+    cells = [cell for cell in records.cells if cell.method == method]
+    if cells and all(cell.status == "not_available" for cell in cells):
         return f"{method} was not available: nothing can be said of it", []
-    if statuses and statuses <= LOST:
-        return f"{method} did not finish a single run: nothing can be said of its quality", []
+    if cells and all(map(is_lost, cells)):
+        return f"{method} diverged, failed or collapsed in every run: nothing can be said of its quality", []
     two = records.contenders[:2]
     judged = [each for duel in fought if duel.method in two and (each := outcome_of(records, duel.steps))]
     losses = [words for name in (method, baseline) if (words := _lost(records, name))]
@@ -189,7 +189,7 @@ def rising(gains: Iterable[float | None]) -> str:
 
 def _lost(records: Records, method: str) -> str:
     cells = [cell for cell in records.cells if cell.method == method]
-    lost = sum(cell.status in LOST for cell in cells)
+    lost = sum(map(is_lost, cells))
     return f"{method} lost {lost} of its {counted(len(cells), 'run')}" if lost else ""
 
 
@@ -202,7 +202,7 @@ def _means(records: Records) -> str:
     scored = [f"{method} {number(mean)} dB" for method, mean in means.items() if mean is not None]
     where = f"over {counted(len(scenes), 'scene')}" if len(scenes) > 1 else f"on {scenes[0]}"
     losses = [words for method in records.methods if (words := _lost(records, method))]
-    survivors = f" This is of the runs that finished: {listed(losses)}." if losses else ""
+    survivors = f" Lost runs are not in these means: {listed(losses)}." if losses else ""
     return f"Mean test PSNR {where}: {listed(scored)}.{survivors}"
 
 

@@ -107,23 +107,25 @@ def judge_gain(
     measured: Pair | None,
     at_scale: bool,
     bound: Bound = "",
-    upwards: bool = True,
 ) -> Verdict:
-    """Compare a printed gain with the interval of the measured gain; without an interval nothing is settled.
+    """Compare a printed difference with the measured interval; without an interval nothing is settled.
 
-    The margin applies to numbers, not to bounds. A gain is above 0, unless a loss is claimed or not `upwards`.
+    The margin applies to numbers, not to bounds. What is claimed to lie on one side of 0 has to be shown on that side.
     """
     if measured is None:
         return "inconclusive"
     least, most = ends(printed)
-    positive = least > 0 and upwards and bound != "at most"
-    low = max(0.0, least - margin) if positive else least - margin
-    level = judge_bound(least, bound, measured) if bound else _within(low, most + margin, measured)
+    rises, falls = least > 0 and bound != "at most", most < 0 and bound != "at least"
+    low = max(0.0, least - margin) if rises else least - margin
+    high = min(0.0, most + margin) if falls else most + margin
+    level = judge_bound(least, bound, measured) if bound else _within(low, high, measured)
     if level == "not reproduced":
         return level if at_scale else "not seen at this scale"
-    if positive and measured[0] <= 0:
+    if (rises and measured[0] <= 0) or (falls and measured[1] >= 0):
         return "inconclusive"
-    return level if at_scale else "seen"
+    if at_scale:
+        return level
+    return "seen" if rises or falls or level == "reproduced" else "inconclusive"
 
 
 def judge_bound(printed: float, bound: Bound, measured: Pair) -> Verdict:

@@ -7,6 +7,7 @@ from harness.records.cells import Budget, CellRecord, Comparison
 from harness.records.metric_table import metric_of
 from harness.records.verdict import phrase_with
 from harness.verdicts.estimates.multiplicity import benjamini_hochberg
+from harness.verdicts.failures import COLLAPSED, is_lost, state_of
 from harness.verdicts.last_doubling import LastDoubling, last_doublings
 from reports.data.load import Records
 from reports.data.outcome import robust_in_words
@@ -24,7 +25,12 @@ SPENT = (
     "the mean over scenes with its 95 % interval. Core seconds are processor time of all threads, only in training (on "
     "a GPU the host's), below them wall time."
 )
-FAILURES = {"diverged": "diverged", "error": "failed", "not_available": "not available"}
+FAILURES = {
+    "diverged": "diverged",
+    COLLAPSED: "ended in empty collapse",
+    "error": "failed",
+    "not_available": "not available",
+}
 
 
 def scores_grid(records: Records) -> Grid:
@@ -117,7 +123,7 @@ def score_entry(
 
 def tone_of(cells: list[CellRecord]) -> str:
     """Return `failed` if a cell failed; a method that was not available did not fail."""
-    if any(cell.status in ("diverged", "error") for cell in cells):
+    if any(is_lost(cell) for cell in cells):
         return "failed"
     return "muted" if any(cell.status == "not_available" for cell in cells) else ""
 
@@ -129,7 +135,7 @@ def reason_of(cells: list[CellRecord]) -> str:
 
 def losses(cells: list[CellRecord]) -> str:
     """Format `1 of 3 diverged`, or nothing."""
-    many = Counter[str](cell.status for cell in cells)
+    many = Counter(map(state_of, cells))
     return ", ".join(f"{many[status]} of {len(cells)} {name}" for status, name in FAILURES.items() if many[status])
 
 

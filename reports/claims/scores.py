@@ -8,7 +8,6 @@ import numpy as np
 from harness.records.cells import Comparison
 from harness.records.claims import Pair, Statement
 from harness.records.json_record import finite_or_none
-from harness.records.metric_table import METRICS
 from harness.records.study import Effect, Studies
 from harness.verdicts.statistics import on_one_scene, on_these_scenes
 from reports.claims.ledger import (
@@ -50,9 +49,12 @@ def gain(bench: Bench, entry: Statement) -> Finding:
     rows = [bench.records.comparison(name, method, against, metric) for name in scenes]
     complete = all(each is not None and each.difference is not None for each in rows)
     pair, margin = on_them(row), MARGINS[metric]
-    upwards = METRICS[metric].higher_is_better
-    verdict = judge_gain(entry.printed, margin, pair, bench.at_scale(scene) and complete, entry.bound, upwards)
-    seeds = seeds_needed(row, margin, len(scenes)) if verdict == "inconclusive" else None
+    at_scale = bench.at_scale(scene) and (complete or bench.file.scale is None)  # a stated claim has no other scale
+    verdict = judge_gain(entry.printed, margin, pair, at_scale, entry.bound)
+    if verdict == "reproduced" and not complete:
+        verdict = "inconclusive"
+    # a true gain at a bound is settled by no number of seeds
+    seeds = seeds_needed(row, margin, len(scenes)) if verdict == "inconclusive" and not entry.bound else None
     notes = [unpaired(row), f"about {counted(seeds, 'seed')} per scene would settle it" if seeds else ""]
     if "beside" in entry.of:  # another reading of the method, and the gain over the control of the same bandwidth
         notes.append(_beside(bench, entry, entry.of["beside"], against))
@@ -159,7 +161,7 @@ def score(bench: Bench, entry: Statement) -> Finding:
     level = on_these_scenes(table) if len(table) > 1 else on_one_scene(next(iter(table.values())))
     if not bench.at_scale(scene):
         return Finding(UNTESTED, how, level.mean, level.interval, note=NEEDS_PAPER)
-    pair = level.interval if level.units >= LEAST_PAIRS else None
+    pair = level.interval if sum(map(len, table.values())) >= LEAST_PAIRS else None
     verdict = judge_level(entry.printed, MARGINS[metric], pair, entry.bound)
     behind = Selection("" if scene == "all" else scene, method, metric=metric)
     return Finding(verdict, how, level.mean, level.interval, runs=behind)

@@ -31,7 +31,7 @@ def saving(bench: Bench, entry: Statement) -> Finding:
     started = {cell.method for cell in bench.records.cells if cell.status != "not_available"}
     if row is None or not {method, against} <= started or entry.printed is None:
         return Finding(UNTESTED, how, note=NEEDS_RUN.format(methods=f"{method} and {against}"))
-    at_scale = bench.file.scale is None or (targets.printed and bench.at_scale("all"))
+    at_scale = bench.file.scale is None or (targets.target == bench.file.target and bench.at_scale("all"))
     verdict = judge_gain(entry.printed, MARGIN, reachable(row), at_scale, entry.bound)
     note = _note(row, targets, bench.file.names)
     return Finding(verdict, how, row.saving, _on_them(row), note=note, runs=behind_saving(row))

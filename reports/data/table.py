@@ -6,6 +6,7 @@ import pandas as pd
 
 from harness.records.json_record import finite_or_none
 from harness.records.metric_table import METRICS
+from harness.verdicts.failures import state_of
 from reports.data.load import Records
 
 FORWARD_AND_BACKWARD = 3
@@ -20,13 +21,15 @@ class Spread(NamedTuple):
 
 
 def cells_frame(records: Records) -> pd.DataFrame:
-    """Return one row per cell, its scores as columns; a missing score is None."""
+    """Return one row per cell, its scores as columns; a missing score is None. A run that ended in empty collapse is
+    not `done`: means are of the runs whose differences are judged.
+    """
     rows = [
         {
             "scene": cell.scene,
             "method": cell.method,
             "seed": cell.seed,
-            "status": cell.status,
+            "status": state_of(cell),
             **{score: finite_or_none(cell.scores.get(score)) for score in SCORES},
         }
         for cell in records.cells

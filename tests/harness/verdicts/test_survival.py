@@ -282,3 +282,35 @@ def test_the_record_of_a_run_is_complete_and_can_be_written(tmp_path: Path) -> N
     assert record.comparison("ship", "qnerf", "nerf", "steps") is None
     nothing = targets([diverged("lego", "nerf", 0)], ["nerf", "qnerf"])
     assert (nothing.target, nothing.reaches, nothing.comparisons) == (None, [], [])
+
+
+def test_a_run_that_ends_in_empty_collapse_never_reaches_the_target() -> None:
+    collapsed = replace(run("qnerf", 0, [20, 31, 14]), warnings=["empty collapse: mean test opacity 0.001"])
+    assert (reach(collapsed, "steps", 30.0).known, reach(collapsed, "steps", 30.0).why) == (
+        "never", "ended in empty collapse",
+    )  # fmt: skip
+    assert chosen_target([replace(collapsed, method="nerf")], "nerf")[0] is None
+
+
+def test_the_sign_of_equal_times_on_scenes_like_these_is_that_of_scenes() -> None:
+    """On two scenes, six pairs of equal times settle nothing about other scenes."""
+    cells = [
+        run(method, seed, scores, scene)
+        for scene in ("lego", "chair") for seed in range(3)
+        for method, scores in (("qnerf", [25, 26, 27]), ("nerf", [20, 24, 27]))
+    ]  # fmt: skip
+    row = of(cells, scene="all")
+    assert (row.on_these_scenes.verdict.sign, row.scenes_like_these.verdict) == ("above 0", OPEN)
+    many = [replace(cell, scene=name) for name in "abcdefgh" for cell in cells if cell.scene == "lego"]
+    assert of(many, scene="all").scenes_like_these.verdict.sign == "above 0"
+
+
+def test_on_another_clock_no_method_is_sooner_than_a_run_above_the_target_at_its_first_checkpoint() -> None:
+    """Half of the time per step is half of the time to the first checkpoint, before which nothing is known."""
+    early = [run(method, seed, [25, 26], pace=pace) for seed in range(5)
+             for method, pace in (("qnerf", 0.1 + 0.001 * seed), ("nerf", 0.2))]  # fmt: skip
+    cells = [*early, run("qnerf", 5, [20, 26], pace=0.1), run("nerf", 5, [20, 26], pace=0.2)]
+    assert of(cells, "seconds").verdict == OPEN
+    later = [run(method, seed, [20, 25 + 0.01 * seed], pace=pace) for seed in range(6)
+             for method, pace in (("qnerf", 0.1), ("nerf", 0.2))]  # fmt: skip
+    assert of(later, "seconds").verdict.sign == "above 0"

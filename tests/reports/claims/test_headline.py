@@ -19,7 +19,7 @@ from reports.drawing.palette import colours_of
 from reports.page.shell import named
 from reports.run.run_page import page
 from tests.replacing import replace
-from tests.reports.claims.test_claims import with_run
+from tests.reports.claims.test_claims import LOST, with_comparisons, with_run
 from tests.reports.claims.test_claims_tables import LISTING_2, ablation, step
 from tests.reports.fake_run import METHODS, PAPER, fake_records
 from tests.reports.fake_studies import study
@@ -177,10 +177,10 @@ def test_lost_cells_are_in_the_title(records: Records, whole: Records):
     baselines = headline(decided(replace(whole, cells=cells), nerf_steps=OPEN))
     assert baselines.title.startswith("qnerf is 0.81 dB above nerf on both scenes; two scenes are too few to predict")
     assert baselines.title.endswith("; nerf lost 1 of its 6 runs")
-    assert baselines.sentences[0].endswith("This is of the runs that finished: nerf lost 1 of its 6 runs.")
+    assert baselines.sentences[0].endswith("Lost runs are not in these means: nerf lost 1 of its 6 runs.")
     lost = [cell for cell in records.cells if (cell.scene, cell.seed) == ("drums", 2)]
     never = headline(replace(records, cells=lost))
-    assert never.title == "qnerf did not finish a single run: nothing can be said of its quality"
+    assert never.title == "qnerf diverged, failed or collapsed in every run: nothing can be said of its quality"
     cells = [replace(cell, status="not_available") if cell.method == "qnerf" else cell for cell in whole.cells]
     assert headline(replace(whole, cells=cells)).title == "qnerf was not available: nothing can be said of it"
 
@@ -296,6 +296,8 @@ def test_a_stated_claim_is_the_question_and_a_line_of_its_own(whole: Records):
     line = screen.lines[0]
     assert (line.printed.text, line.measured.text, line.verdict) == ("≥ +0.5 dB", "+0.81 dB", "reproduced")
     assert screen.claimed == "", "the heading states it"
+    lost = with_comparisons(with_run(whole, claims=[file]), drums=LOST)
+    assert shown(lost).lines[0].verdict == "inconclusive", "a lost scene answers no claim about all scenes"
     alone = shown(with_run(whole, claims=[stated(["qnerf - nerf >= 2 dB"])]))
     assert [line.verdict for line in alone.lines] == ["not reproduced"]
 

@@ -32,11 +32,23 @@ def test_rounding_of_printed_numbers():
         (0.002, 0.005, (-0.002, -0.001), "not reproduced", "not seen at this scale"),
         (0.002, 0.005, (-0.002, 0.001), "inconclusive", "inconclusive"),
         (0.002, 0.005, (0.001, 0.004), "reproduced", "seen"),
+        # so has a loss, such as a smaller error
+        (-0.003, 0.005, (0.0005, 0.0015), "not reproduced", "not seen at this scale"),
+        (-0.003, 0.005, (-0.004, 0.001), "inconclusive", "inconclusive"),
+        (-0.003, 0.005, (-0.004, -0.001), "reproduced", "seen"),
+        (-0.5, 0.2, (-5.0, 5.0), "inconclusive", "inconclusive"),
     ],
 )
 def test_a_printed_gain_against_an_interval(printed, margin, measured, at_scale, elsewhere):
     assert judge_gain(printed, margin, measured, True) == at_scale
     assert judge_gain(printed, margin, measured, False) == elsewhere
+
+
+@pytest.mark.parametrize(("printed", "bound"), [(0.1, "at most"), (-0.2, "at least"), (0.0, "at least")])
+def test_at_another_scale_a_bound_that_includes_0_is_seen_only_where_the_interval_keeps_it(printed, bound):
+    inside = (printed - 0.02, printed - 0.01) if bound == "at most" else (printed + 0.01, printed + 0.02)
+    assert judge_gain(printed, 0.2, inside, False, bound) == "seen"
+    assert judge_gain(printed, 0.2, (-5.0, 5.0), False, bound) == "inconclusive"
 
 
 @pytest.mark.parametrize(

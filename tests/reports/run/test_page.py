@@ -123,7 +123,12 @@ def test_an_unfinished_run_where_everything_failed_is_still_a_page(tmp_path):
 
     records = fake_records(tmp_path / "run", change_cell=failed)
     text = page(replace(records, run=replace(records.run, finished=False), cells=records.cells[1:]))
-    for words in ("17 of 18 runs had finished", "qnerf did not finish a single run", "3 of 3 failed", "and 11 more"):
+    for words in (
+        "17 of 18 runs had finished",
+        "qnerf diverged, failed or collapsed in every run",
+        "3 of 3 failed",
+        "and 11 more",
+    ):
         assert words in text, words
 
 
