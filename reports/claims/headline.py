@@ -34,6 +34,8 @@ from reports.data.wording import BUDGETS, UNTESTED, counted, interval, listed, n
 ANSWERS = {"holds": "Yes", "fails": "No", "": "Open", "muted": "Not tested"}
 """The tone of a claim's verdict → the answer to whether it holds."""
 FURTHER = 2
+SEARCHED = {"encoding", "density_scale", "start"}
+"""The settings in which a control of bandwidth may differ from the baseline."""
 
 
 @dataclass(frozen=True)
@@ -114,7 +116,7 @@ def title_of(
 
 def answer_of(judged: Sequence[Outcome], method: str, baseline: str, control: str | None, how: str) -> str:
     """State the differences of `method` and, behind them, those of others; then `how` they were compared.
-    `control` is the baseline with the bandwidth of φ, if it was run.
+    `control` is the baseline with the bandwidth of `method`, if it was run.
     """
     first = {outcome.against: outcome for outcome in judged if outcome.method == method}
     if baseline in first:
@@ -134,7 +136,7 @@ def _of_first(vs_baseline: Outcome, vs_control: Outcome | None, control: str | N
     """State the difference from the baseline, and how much of it bandwidth explains."""
     difference = clause(vs_baseline)
     if control == vs_baseline.method and vs_baseline.verdict.sign == "above 0":
-        return f"{difference}: bandwidth alone makes this difference"
+        return f"{difference}: bandwidth, and constants of its own, make this difference"
     if vs_control is None:
         return difference
     same = f"{vs_control.against}, which has the same bandwidth,"
@@ -157,7 +159,7 @@ def _outcome(records: Records, method: str, fought: list[Duel]) -> tuple[str, li
     """State the differences of `method`, and what qualifies them: those of the second contender, unless one clause says
     all, unfinished training and lost runs.
     """
-    baseline, control = records.baseline, records.control
+    baseline, control = records.baseline, control_of(records, method)
     cells = [cell for cell in records.cells if cell.method == method]
     if cells and all(cell.status == "not_available" for cell in cells):
         return f"{method} was not available: nothing can be said of it", []
@@ -213,16 +215,29 @@ def _others(records: Records, fought: list[Duel]) -> str:
     return f"At equal steps, {words}." if words else ""
 
 
-def _bandwidth(records: Records, method: str) -> str:
+def control_of(records: Records, method: str) -> str | None:
+    """Return the run's control if it differs from the baseline only in its encoding and in constants that are searched
+    for each method, and if `method` has the encoding whose bandwidth it matches; older records do not say.
+    """
     baseline, control = records.baseline, records.control
+    own = [value_at(records.run.settings, "train", "own", str(name)) for name in (baseline, control, method)]
+    if control is None or not all(isinstance(each, dict) for each in own[:1]):
+        return control
+    first, second, tested = (each if isinstance(each, dict) else {} for each in own)
+    unlike = {name for name in first | second if first.get(name) != second.get(name)}
+    return control if unlike <= SEARCHED and str(tested.get("encoding")).startswith("phi") else None
+
+
+def _bandwidth(records: Records, method: str) -> str:
+    baseline, control = records.baseline, control_of(records, method)
     if control is None:
         encodings = [value_at(records.run.settings, "train", "own", name, "encoding") for name in (baseline, method)]
         if None in encodings or encodings[0] == encodings[1]:
             return ""
         return f"No method with the bandwidth of {method} was run, so a difference may be only an effect of bandwidth."
     why = (
-        f"{control} is {baseline} with nothing changed but its encoding, cut down to the frequencies that the φ "
-        "encoding reaches. Its own gain comes from bandwidth, not from the parts of the new method"
+        f"{control} is {baseline} with its encoding cut down to the frequencies that the φ encoding reaches, and "
+        "constants of its own. Its gain comes from bandwidth and constants, not from the parts of the new method"
     )
     row = records.comparison("all", control, baseline)
     if row is None or row.difference is None:

@@ -10,7 +10,7 @@ from harness.verdicts.changes import change_of
 from harness.verdicts.claim_files import stated
 from reports.claims.claim_list import claims
 from reports.claims.first_screen import calibration, first_screen
-from reports.claims.headline import duels, headline, title_of
+from reports.claims.headline import control_of, duels, headline, title_of
 from reports.claims.ledger import in_short
 from reports.data.load import Records
 from reports.data.outcome import Outcome, change_in_words, clause, clauses, doubts, robust_differs, robust_in_words
@@ -105,7 +105,7 @@ def test_that_scenes_are_few_is_said_once() -> None:
 
 def test_a_gain_of_the_control_itself_is_that_of_bandwidth() -> None:
     gain = replace(outcome(MORE, 0.3), method="nerf_matched")
-    alone = f"{clause(gain)}: bandwidth alone makes this difference (here)"
+    alone = f"{clause(gain)}: bandwidth, and constants of its own, make this difference (here)"
     assert title_of([gain], "nerf_matched", "nerf", "nerf_matched", "here") == alone
     lost = "No comparison of qnerf with nerf could be made"
     assert title_of([gain], "qnerf", "nerf", None, "here") == f"{lost}; {clause(gain)} (here)"
@@ -385,6 +385,27 @@ def test_the_page_begins_with_the_first_screen(whole: Records):
         '<b class="name" style="color: var(--qnerf)">qnerf</b>: <code>run --methods qnerf</code>, '
         '<b class="name" style="color: var(--matched)">nerf_matched</b> &amp; my-nerf'
     )
+
+
+NERF = {"encoding": "base2", "skip": "half", "density_scale": 10.0, "start": 3.0}
+MATCHED = {**NERF, "encoding": "base2_matched", "density_scale": 3.0, "start": None}
+
+
+@pytest.mark.parametrize(
+    ("own", "control"),
+    [
+        ({"nerf": NERF, "nerf_matched": MATCHED, "qnerf": {**NERF, "encoding": "phi"}}, "nerf_matched"),
+        ({"nerf": NERF, "nerf_matched": {**MATCHED, "skip": "phi"}, "qnerf": {**NERF, "encoding": "phi"}}, None),
+        ({"nerf": NERF, "nerf_matched": MATCHED, "qnerf": {"cells": [16, 32]}}, None),
+        ({"nerf": {"nodes": [32]}, "nerf_matched": MATCHED, "qnerf": {**NERF, "encoding": "phi"}}, None),
+        ({}, "nerf_matched"),
+    ],
+)
+def test_a_control_of_bandwidth_is_one_only_for_methods_like_it(whole: Records, own: dict, control: str | None) -> None:
+    run = with_run(whole, settings={"train": {"own": own}})
+    assert control_of(run, "qnerf") == control
+    said = "with its encoding cut down" in " ".join(headline(run).sentences)
+    assert said == (control is not None)
 
 
 def test_what_was_not_tested_in_short():
