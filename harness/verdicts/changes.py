@@ -11,7 +11,7 @@ import numpy as np
 
 from harness.records.cells import USUAL, Budget, CellRecord
 from harness.records.metric_table import METRICS, PRIMARY
-from harness.verdicts.comparisons import Judgement, differences, judged, keyed
+from harness.verdicts.comparisons import FEWEST_SEEDS, Judgement, differences, judged, keyed
 from harness.verdicts.estimates import nested
 from harness.verdicts.statistics import difference_of, estimate, paired_difference
 
@@ -85,7 +85,9 @@ def change_of(
     else:
         margin, pairs = METRICS[PRIMARY].smallest_of_interest, int(np.isfinite(second).sum())
         less = nested.less(nested.on_these_scenes(second), nested.on_these_scenes(first))
-        here = estimate(difference_of(less, len(moved), family), margin)
+        seeds = min(int(np.isfinite(side).sum()) for side in (first, second))
+        settled = len(moved) > 1 or seeds >= FEWEST_SEEDS
+        here = estimate(difference_of(less, len(moved), family), margin, settled)
         elsewhere = estimate(paired_difference(moved, family), margin) if len(moved) > 1 else None
         judgement = Judgement(float(moved.mean()), here, elsewhere, pairs, second.size - pairs)
     by_scene = dict(zip(shared, map(float, moved), strict=True))

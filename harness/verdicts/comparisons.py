@@ -178,8 +178,9 @@ def judged(table: dict[str, np.ndarray], metric: str, family: int, scene: str = 
     unpaired = sum(values.size for values in chosen.values()) - pairs
     if not pairs:
         return Judgement(None, None, None, 0, unpaired)
-    if scene != "all" or len(table) == 1:
-        (only,) = chosen
+    compared = [name for name, values in chosen.items() if np.isfinite(values).any()]
+    if scene != "all" or len(compared) == 1:
+        (only,) = compared
         here = on_one_scene(table[only], family)
         settled = pairs >= FEWEST_SEEDS
         return Judgement(here.mean, estimate(here, about.smallest_of_interest, settled), None, pairs, unpaired)

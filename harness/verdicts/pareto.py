@@ -30,11 +30,12 @@ def drawn_means(
 
 
 def best_shares(table: Float[np.ndarray, "methods scenes"]) -> Float[np.ndarray, " methods"]:
-    """Return the share of draws in which each method has the best mean; all 0 if no method has a mean."""
+    """Return the share of draws in which each method has the best mean; equal methods share a draw, and all are 0 if no
+    method has a mean.
+    """
     means = drawn_means(table, resamples(table.shape[1]))
-    first = np.argmax(means, axis=0)[np.isfinite(means.max(axis=0))]
-    shares: np.ndarray = np.bincount(first, minlength=len(table)) / means.shape[1]
-    return shares
+    best = np.isfinite(means) & (means >= means.max(axis=0) - 1e-12)
+    return np.asarray((best / np.maximum(best.sum(axis=0), 1)).mean(axis=1))
 
 
 def front_shares(

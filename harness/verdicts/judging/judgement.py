@@ -296,7 +296,7 @@ def _settled(pair: Pair, family: int) -> Pair:
         high *= 2
         if high > MOST_SCENES:
             return pair
-    low = high // 2
+    low = max(high // 2, pair.scenes)
     while high - low > max(1, low // 200):
         low, high = (low, middle) if finds(middle := (low + high) // 2) else (middle, high)
     return structs.replace(pair, scenes_to_settle=high)
@@ -315,9 +315,9 @@ def _rank(method: str, pairs: Sequence[Pair], count: int, higher_is_better: bool
 
 def best_shares(cells: np.ndarray, higher_is_better: bool) -> Sequence[float | None]:
     """Return the probability of each method that its mean is the best, over scenes reweighted by Dirichlet weights
-    (Rubin 1981); None if a cell of [methods, scenes] is missing.
+    (Rubin 1981); None if a cell of [methods, scenes] is missing, and for fewer scenes than show a sign.
     """
-    if not np.isfinite(cells).all():
+    if not np.isfinite(cells).all() or cells.shape[1] < LEAST_UNITS:
         return [None] * len(cells)
     weights = np.random.default_rng(0).dirichlet(np.ones(cells.shape[1]), BOOTSTRAPS)
     means = weights @ (cells if higher_is_better else -cells).T
@@ -360,7 +360,9 @@ def _pair(table: ResultTable, row: int, against: int, family: int, margin: float
     there = means[np.isfinite(means)]
     if not there.size:
         return Pair(*names, 0, None, None, None)
-    like = estimate(paired_difference(there, family), margin) if there.size > 1 else None
+    # a few differences that are printed as equal do not show their spread
+    shows_spread = there.size >= LEAST_UNITS or np.ptp(there) > 1e-9 * np.abs(there).max()
+    like = estimate(paired_difference(there, family), margin) if there.size > 1 and shows_spread else None
     seeded = np.isfinite(differences).sum(axis=1).max() > 1
     of_scenes = {str(place): row for place, row in enumerate(differences)}
     here = estimate(on_these_scenes(of_scenes, family), margin) if seeded else None

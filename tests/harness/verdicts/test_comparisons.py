@@ -10,7 +10,7 @@ from harness.records.cells import CellRecord, Comparison, empty_cell
 from harness.records.metric_table import METRICS
 from harness.records.verdict import OPEN, Verdict
 from harness.verdicts import comparisons
-from harness.verdicts.comparisons import budgets_of, compare, differences, keyed
+from harness.verdicts.comparisons import budgets_of, compare, differences, judged, keyed
 from harness.verdicts.statistics import LEVEL, critical, scenes_like_these
 from tests.harness.cells import cell, checkpoint, diverged, with_core_seconds
 
@@ -322,3 +322,10 @@ def test_sign_and_interval_never_contradict_each_other(seed: int) -> None:
             assert (known.verdict.sign == "open") == (known.p_adjusted > LEVEL)
             if known.verdict.size == "matters":
                 assert known.verdict.sign != "open"
+
+
+def test_two_seeds_of_the_only_scene_with_a_pair_settle_nothing() -> None:
+    lost = np.full(2, np.nan)
+    alone = judged({"lego": np.array([0.30, 0.34])}, "psnr", 1)
+    assert judged({"lego": np.array([0.30, 0.34]), "ship": lost}, "psnr", 1).chosen == alone.chosen
+    assert alone.chosen.verdict == OPEN

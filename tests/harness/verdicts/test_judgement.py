@@ -77,10 +77,12 @@ def test_letters_ranks_and_the_probability_of_being_best() -> None:
         assert place.rank == (1 + above, len(places) - (len(known) - above))
         assert place.rank[0] <= at <= place.rank[1]
     assert sum(place.best or 0.0 for place in places) == pytest.approx(1.0)
-    # ahead on three of four scenes by as much as it is behind on one: 1 − P(Beta(1, 3) > 1/2)
-    values = np.array([[31.0, 31.0, 31.0, 29.0], [30.0] * 4])
+    # ahead on six of eight scenes by as much as it is behind on two: P(Beta(6, 2) > 1/2)
+    values = np.array([[31.0] * 6 + [29.0] * 2, [30.0] * 8])
     (best, _) = ranking(table_of(values), 0.0).places
-    assert best.best == pytest.approx(1 - 0.5**3, abs=0.02)
+    assert best.best == pytest.approx(1 - 8 / 2**7, abs=0.02)
+    few = ranking(table_of(values[:, :5]), 0.0).places
+    assert [place.best for place in few] == [None, None], "too few scenes"
     values[1, 0] = np.nan
     assert [place.best for place in ranking(table_of(values), 0.0).places] == [None, None], "scenes are missing"
 
@@ -204,7 +206,9 @@ def test_small_tables_and_tables_of_equal_numbers_are_judged() -> None:
     two.values[0, 0] = 3.0
     assert suspects(two, 0.2) == [], "with two methods it is unknown which is the outlier"
     assert without(two, []) is None
-    equal: JudgementRecord = judge(table_of(np.full((3, 4), 30.0)), None, None)
+    rounded = ranking(table_of(np.array([[31.1, 33.1], [31.0, 33.0]])), 0.2)
+    assert [pair.verdict for pair in rounded.pairs] == [OPEN], "two differences that are printed as equal"
+    equal: JudgementRecord = judge(table_of(np.full((3, 6), 30.0)), None, None)
     assert [pair.verdict for pair in equal.given.pairs] == [Verdict("open", "smaller than matters")] * 3
     assert all(pair.on_these_scenes is None and pair.scenes_like_these for pair in equal.given.pairs), "without seeds"
     assert equal.suspects == []
