@@ -75,7 +75,8 @@ FEATURES = (
 DRAWN = (
     "Its Gaussians are trained by Adam with separate rates, which fall to {last_rate:.0%}, whichever optimiser and "
     "rate the networks have. The rates, the number of Gaussians and the interval at which they move were chosen in "
-    "about 30 single runs on validation views of lego and ficus; the networks had a sweep.",
+    "about 30 single runs on validation views of lego and ficus; the networks had a sweep. Its first Gaussians lie on "
+    "the surface of the silhouettes' hull, unless it is switched off.",
 )
 WHOLE_VIEWS = "It trains on one complete view per step, the other methods on rays of all views."
 VOXELS = (

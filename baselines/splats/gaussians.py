@@ -66,6 +66,11 @@ class Pencil:
         return Pencil(origin, axes, near, RayCells.of(on_plane(directions, axes).numpy()))
 
 
+def hit_distance(weighted: Tensor, opacity: Tensor, far: float) -> Tensor:
+    """Return the expected distance of the hit, of which `weighted` is the product with opacity; `far` without a hit."""
+    return torch.where(opacity > 0.0, weighted / opacity.clamp(min=torch.finfo(opacity.dtype).tiny), far)
+
+
 @dataclass(eq=False)
 class Gaussians:
     """The learnt scene: a `baselines.contract.LearnedField` that draws itself."""
@@ -121,7 +126,7 @@ class Gaussians:
             out, through, count = self.draw(Pencil.of(origin, rays.directions[of_camera], rays.near), self.values)
             colour[of_camera] = out[:, :3] + through[:, None]
             opacity[of_camera] = 1.0 - through
-            depth[of_camera] = out[:, 3] * self.box.half_extent + through * rays.far
+            depth[of_camera] = hit_distance(out[:, 3] * self.box.half_extent, opacity[of_camera], rays.far)
             drawn += count
         return Rendering(colour, opacity, depth, drawn)
 

@@ -44,12 +44,31 @@ class OverWhite(BasicVolumetricPrimitiveRadianceFieldIntegrator):  # type: ignor
             emission, through = self.eval_sh_emission(si, ray, active), self.eval_transmission(si, ray, active)
             weight = dr.select(active, let * (1.0 - through), 0.0)
             radiance += dr.select(active, weight * emission, 0.0)
-            distance += dr.select(active, weight * dr.norm(si.p - start), 0.0)
+            distance += dr.select(active, weight * dr.dot(self.peak(si, ray, active) - start, ray.d), 0.0)
             let -= weight
             ray.o = dr.select(active, si.p + ray.d * TINY, ray.o)
             hits += dr.select(active, mi.UInt32(1), mi.UInt32(0))
             active &= (let > END) & (hits < MOST_HITS)
         return radiance + let, let, distance, hits
+
+    @no_type_check
+    def peak(self, si: Any, ray: Any, active: Any) -> Any:
+        """Return the point of a ray at which `eval_transmission` evaluates a Gaussian, that of its largest density; a
+        hit lies at the border of its extent.
+        """
+
+        def numbers(shape: Any, primitive: Any, active: Any) -> tuple[Any, Any, Any]:
+            if shape is None or not shape.is_ellipsoids():
+                return mi.Point3f(0), mi.Vector3f(0), mi.Matrix3f(0)
+            met = dr.zeros(mi.SurfaceInteraction3f)
+            met.prim_index = primitive
+            data = shape.eval_attribute_x("ellipsoid", met, active)
+            rotation = dr.quat_to_matrix(mi.Matrix3f, mi.Quaternion4f([data[k + 6] for k in range(4)]))
+            return mi.Point3f([data[k] for k in range(3)]), mi.Vector3f([data[k + 3] for k in range(3)]), rotation
+
+        centre, scale, rotation = dr.dispatch(si.shape, numbers, si.prim_index, active)
+        o, d = rotation.T * (ray.o - centre) / scale, rotation.T * ray.d / scale
+        return ray(-dr.dot(o, d) / dr.dot(d, d))
 
 
 class Traced:

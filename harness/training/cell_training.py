@@ -117,6 +117,8 @@ def _short(value: object) -> object:
 
 COLLAPSED_OPACITY = 0.02
 """The mean test opacity below which a method has learnt only the background."""
+COLLAPSED_SHARE = 0.1
+"""The share of the true opacity that a method in empty collapse does not reach: thin geometry is no collapse."""
 BILLBOARD_GAP_DB = 6.0
 """The gap between training and test views from which images count as painted in front of the cameras, if test views
 also score below a copy of the nearest training view.
@@ -275,11 +277,11 @@ class CellTraining:
         rendered = drawing.counting(evaluate.render_split(self.trainer, self.test, self.task.score.chunk, shown))
         images = self.kept.passing(zip(shown, rendered, strict=True), self.trainer.step, last=not self.due)
         rows: list[ViewScore] = []
-        opacities: list[np.floating] = []
+        opacities: list[tuple[float, float]] = []
         angles: list[float | None] = []
         for index, image in images:  # one view is in memory at a time
             rows.append(evaluate.view_scores(image, test, index, lpips=self.lpips))
-            opacities.append(image.opacity.mean())
+            opacities.append((float(image.opacity.mean()), float(test.rgba[index][..., 3].mean())))
             if not self.due:
                 angles.append(evaluate.normal_error(self.trainer, image, self.test, test, index))
         scores = evaluate.mean_scores(rows)
@@ -288,7 +290,8 @@ class CellTraining:
             self.curve.append(self._checkpoint(evaluate.mean_scores(of_curve)))
         if self.due:
             return None
-        return self._finished(scores, rows, float(np.mean(opacities)), evaluate.mean_of(angles), drawing)
+        opacity, true_opacity = np.mean(opacities, axis=0).tolist()
+        return self._finished(scores, rows, (opacity, true_opacity), evaluate.mean_of(angles), drawing)
 
     def _failed(self, error: BaseException, when: str) -> CellRecord:
         if isinstance(error, Diverged):
@@ -312,7 +315,7 @@ class CellTraining:
         self,
         scores: dict[str, float | None],
         rows: list[ViewScore],
-        mean_opacity: float,
+        opacity: tuple[float, float],
         normal_error: float | None,
         drawing: Stopwatch,
     ) -> CellRecord:
@@ -335,7 +338,7 @@ class CellTraining:
             "gpu_memory_bytes": peak_gpu_bytes(trainer.device),
         }
         known = {name: float(amount) for name, amount in costs.items() if amount is not None}
-        return self._record("done", None, scores, rows, properties, mean_opacity, known)
+        return self._record("done", None, scores, rows, properties, opacity, known)
 
     def _record(
         self,
@@ -344,7 +347,7 @@ class CellTraining:
         scores: dict[str, float | None],
         rows: list[ViewScore],
         properties: dict[str, float | str | None],
-        mean_opacity: float | None = None,
+        opacity: tuple[float, float] | None = None,
         costs: dict[str, float] | None = None,
     ) -> CellRecord:
         trainer, task = self.trainer, self.task
@@ -371,7 +374,7 @@ class CellTraining:
                 "flops_per_evaluation": flops_per_evaluation(trainer.field),
                 "rays_per_step": task.train.rays,
             },
-            warnings=warnings_of(scores, mean_opacity, trainer.grid is not None and trainer.grid.emptied),
+            warnings=warnings_of(scores, opacity, trainer.grid is not None and trainer.grid.emptied),
             pictures=self.kept.write(task.out, task.scene, trainer.method, task.seed),
             costs=costs or {},
             settings={**task.settings(trainer.method), "view_set": view_set_facts(self.views)},
@@ -382,12 +385,15 @@ class CellTraining:
         )
 
 
-def warnings_of(scores: dict[str, float | None], mean_opacity: float | None, grid_emptied: bool) -> list[str]:
-    """Return sentences about states that a reader of the scores must know."""
+def warnings_of(scores: dict[str, float | None], opacity: tuple[float, float] | None, grid_emptied: bool) -> list[str]:
+    """Return sentences about states that a reader of the scores must know. `opacity` is the mean over test views, as
+    rendered and in truth.
+    """
     warnings = []
     psnr, floor, train, ceiling = (scores.get(f"psnr{name}") for name in ("", "_floor", "_train", "_ceiling"))
-    if mean_opacity is not None and mean_opacity < COLLAPSED_OPACITY:
-        warnings.append(f"empty collapse: mean test opacity {mean_opacity:.3f}, the method shows little but background")
+    if opacity is not None and opacity[0] < min(COLLAPSED_OPACITY, COLLAPSED_SHARE * opacity[1]):
+        words = f"empty collapse: mean test opacity {opacity[0]:.3f}, in truth {opacity[1]:.3f}"
+        warnings.append(f"{words}; the method shows little but background")
     if grid_emptied:
         warnings.append("the occupancy grid found no geometry at its last refresh; no cell was skipped from then on")
     if psnr is not None and floor is not None and psnr < floor:

@@ -12,7 +12,7 @@ from torch import Tensor
 from torch.nn.functional import normalize
 
 from baselines.contract import Rays, Rendering
-from baselines.splats.gaussians import parts_of
+from baselines.splats.gaussians import hit_distance, parts_of
 from baselines.splats.traced import Traced
 from harness.training.kinds.splat_trainer import GaussianTrainer
 from harness.training.learner import Job
@@ -45,7 +45,8 @@ class EllipsoidTrainer(GaussianTrainer):
         rays.require_finite()
         traced = self._traced(self._numbers(self.field.values))
         colour, through, distance, met = traced.trace(*self._normalised(rays))
-        return Rendering(colour, 1.0 - through, distance * self.box.half_extent + through * rays.far, met)
+        depth = hit_distance(distance * self.box.half_extent, 1.0 - through, rays.far)
+        return Rendering(colour, 1.0 - through, depth, met)
 
     def _numbers(self, values: Float[Tensor, "gaussians columns"]) -> tuple[Tensor, ...]:
         """Return the numbers in the order of `baselines.splats.traced.NAMES`."""

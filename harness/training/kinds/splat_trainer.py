@@ -2,6 +2,7 @@
 
 import math
 from abc import abstractmethod
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -34,9 +35,11 @@ class GaussianTrainer(BudgetedTrainer):
         # `bins_per_pixel` counts bins per pixel of the box's longest side (`harness.plan.needed.at_scale`)
         pixel = 2.0 * (self.settings.bins_per_pixel or 1.0) / self.settings.bins
         degree = self.own.degree if self.view_dependent else 0
-        self.field = Gaussians(self.box, degree, torch.zeros(0, 0), pixel, self.own.widened)
+        # the first Gaussians lie on the surface of the silhouettes' hull
+        box = self.box if self.settings.accelerations.hull else replace(self.box, hull=None)
+        self.field = Gaussians(box, degree, torch.zeros(0, 0), pixel, self.own.widened)
         self.field.values = first_values(
-            self.box, self.own.first, self.field.columns, self.own.first_opacity, generator_for(self.seed, "first")
+            box, self.own.first, self.field.columns, self.own.first_opacity, generator_for(self.seed, "first")
         )
         self.mean = torch.zeros_like(self.field.values)
         self.square = torch.zeros_like(self.field.values)

@@ -100,6 +100,18 @@ def test_rays_of_several_cameras_are_drawn_camera_by_camera() -> None:
     assert float(whole.opacity.max()) > 0.05
 
 
+def test_depth_is_the_expected_distance_of_the_hit() -> None:
+    """As of every other method: a ball of opacity 0.3 three units away is three units away."""
+    ball = torch.tensor(
+        [[0.0, 0.0, 0.0, *[math.log(0.01)] * 3, 1.0, 0.0, 0.0, 0.0, math.log(0.3 / 0.7), 0.0, 0.0, 0.0]]
+    )
+    field = Gaussians(BOX, 0, ball, 0.0, 0.0)
+    towards = torch.nn.functional.normalize(torch.tensor([[0.0, 0.0, -1.0], [0.2, 0.0, -1.0]]), dim=-1)
+    seen = field.render(Rays(torch.tensor([[0.0, 0.0, 2.75]]).repeat(2, 1), towards, 1.0, 6.0))
+    assert seen.opacity.tolist() == pytest.approx([0.3, 0.0], abs=1e-4)
+    assert seen.depth.tolist() == pytest.approx([3.0, 6.0], abs=1e-3)
+
+
 def test_rays_that_span_half_a_sphere_are_refused() -> None:
     with pytest.raises(ValueError, match="half a sphere"):
         Pencil.of(torch.zeros(3), torch.tensor([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), 0.1)

@@ -78,13 +78,13 @@ def test_pictures_and_gradients_are_those_of_torch() -> None:
         torch.testing.assert_close(ours.grad[:, column].double(), theirs.grad[:, column], rtol=0, atol=0.02 * scale)
 
 
-def test_depth_is_that_of_where_a_ray_meets_it_and_a_miss_sees_white() -> None:
+def test_depth_is_that_of_the_largest_density_and_a_miss_sees_white() -> None:
     ball = torch.tensor([[0.0, 0.0, 0.0, *[math.log(0.1)] * 3, 0.0, 0.0, 0.0, 1.0, math.log(9.0), 0.0, 0.0, 0.0]])
     directions = normalize(torch.tensor([[0.0, 0.0, -1.0], [1.0, 0.0, -1.0]]), dim=-1)
     colour, through, distance, met = traced(ball).trace(torch.tensor([[0.0, 0.0, 4.0]]).repeat(2, 1), directions)
     assert colour.flatten().tolist() == pytest.approx([0.55] * 3 + [1.0] * 3, abs=1e-5)
     assert through.tolist() == pytest.approx([0.1, 1.0], abs=1e-6)
-    assert float(distance[0]) / 0.9 == pytest.approx(4.0 - 0.1 * math.sqrt(2.0 * math.log(0.9 / 0.01)), abs=1e-3)
+    assert float(distance[0]) / 0.9 == pytest.approx(4.0, abs=1e-3)
     assert met == 1
 
 

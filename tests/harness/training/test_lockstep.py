@@ -237,9 +237,16 @@ def test_methods_learn(ball: ViewSet, tmp_path: Path) -> None:
 def test_states_that_a_reader_must_know(
     scores: dict[str, float | None], opacity: float | None, emptied: bool, said: list[str]
 ) -> None:
-    warnings = warnings_of(scores, opacity, emptied)
+    warnings = warnings_of(scores, None if opacity is None else (opacity, 0.4), emptied)
     assert len(warnings) == len(said)
     assert all(part in warning for part, warning in zip(said, warnings, strict=True))
+
+
+@pytest.mark.parametrize(("opacity", "truth", "collapsed"), [
+    (0.015, 0.3, True), (0.012, 0.012, False), (0.001, 0.012, True), (0.0, 0.0, False), (0.03, 1.0, False),
+])  # fmt: skip
+def test_a_picture_as_thin_as_its_scene_is_no_collapse(opacity: float, truth: float, collapsed: bool) -> None:
+    assert [warning[:14] for warning in warnings_of({}, (opacity, truth), False)] == ["empty collapse"] * collapsed
 
 
 def test_the_direction_is_left_out_where_the_scene_says_so(ball: ViewSet, tmp_path: Path) -> None:

@@ -275,7 +275,7 @@ def _billboard(context: StabilityContext) -> Check:
         "psnr_train": evaluate.train_psnr(learner, views, FEW_VIEWS, chunk=4096),
         "psnr_floor": evaluate.floor_psnr(views),
     }
-    opacity = float(np.mean([image.opacity.mean() for image in images]))
+    opacity = float(np.mean([image.opacity.mean() for image in images])), float(views.test.rgba[..., 3].mean())
     warnings = warnings_of(scores, opacity, grid_emptied=False)
     test, training, floor = (score or 0.0 for score in scores.values())
     why = (

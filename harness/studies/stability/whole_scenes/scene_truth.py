@@ -175,13 +175,13 @@ LARGEST_TRACE = 0.05
 
 
 def learnt_nothing(run: SceneRun, cell: CellRecord) -> bool:
-    """Return whether a complete cell shows nothing of a scene that is not empty: empty collapse.
+    """Return whether a complete cell shows nothing of its scene: empty collapse.
 
     Whether a training collapses within a few hundred steps depends on its random numbers and not on how well a formula
     is computed: it is not judged. A dark picture without opacity is judged, as it adds up its colours wrongly.
     """
     collapsed = any(warning.startswith("empty collapse") for warning in cell.warnings)
-    if cell.status != "done" or not collapsed or cell.scene == "empty":
+    if cell.status != "done" or not collapsed:
         return False
     return all((1.0 - view.colour).mean() <= LARGEST_TRACE for view in shown(run, cell))
 
