@@ -124,7 +124,9 @@ def harness(session: nox.Session, command: str, *more: str, success_codes: tuple
     for folder in given.packages:
         session.install("--editable", folder)
     out = ["--out", given.out] if given.out else []
-    session.run("python", "-m", "harness", command, *options, *out, *more, success_codes=success_codes)
+    # after Ctrl-C, nox kills within half a second; a run needs some to write its record
+    patience = {"interrupt_timeout": 5.0, "terminate_timeout": 5.0}
+    session.run("python", "-m", "harness", command, *options, *out, *more, success_codes=success_codes, **patience)
 
 
 def report(session: nox.Session, command: str) -> None:

@@ -82,9 +82,12 @@ def require_folder(out: Path) -> None:
 
 
 def reported(out: Path, quiet: bool = True) -> int:
-    """Write the page of `out` in another process, which has only its records, and unless `quiet` prints the verdict."""
+    """Write the page of `out` in another process, which has only its records, and unless `quiet` prints the verdict.
+    Return its exit code: 1 if a signal ended it.
+    """
     words = [str(out), "--quiet"] if quiet else [str(out)]
-    return subprocess.run([sys.executable, "-m", "reports", *words], check=False).returncode
+    code = subprocess.run([sys.executable, "-m", "reports", *words], check=False).returncode
+    return code if code >= 0 else 1
 
 
 def require_between(options: argparse.Namespace, **bounds: tuple[float, float]) -> None:

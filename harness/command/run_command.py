@@ -105,7 +105,8 @@ def run_run(options: argparse.Namespace, show: Progress) -> int:
     show.line(f"{outcome}; records in {out / 'records'}")
     if page is not None:
         show.close()
-        return max(code, reported(out, quiet=options.quiet))
+        page_code = reported(out, quiet=options.quiet)
+        return max(code, page_code) if page_code in (0, 3) else page_code
     show.line(f"write the page: radiance-verdict report {out}")
     return code
 

@@ -26,7 +26,7 @@ def measure(context: GateContext) -> Iterator[Check]:
         scores = [cell.scores.get("psnr") if cell.status == "done" else None for cell in own]
         why = "; ".join(dict.fromkeys(cell.reason or cell.status for cell in own if cell.status != "done"))
         check = judge(gate, scores, context.limits.limit_of(gate), why)
-        missing = all(cell.status == "not_available" for cell in own)
+        missing = bool(own) and all(cell.status == "not_available" for cell in own)
         yield structs.replace(check, status="not_available") if missing else check
 
 

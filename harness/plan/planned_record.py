@@ -36,8 +36,8 @@ ALWAYS = [
     "validation views. qnerf has no shift before its sigmoid, as Listing 2 prints it; qnerf_printed has a density of "
     "at most 1 per scene unit.",
     "Vanilla NeRF's density is a softplus instead of ReLU, which can die for good; Eq. 4 acts on the same density.",
-    "Adam's gradient is clipped, for all methods, at norm 1 and at four times the running mean of the norms before it, "
-    "against single spikes: norm 1 alone may be a hundred times the usual one.",
+    "Adam's gradient is clipped, for all networks, grids and voxels, at norm 1 and at four times the running mean of "
+    "the norms before it, against single spikes: norm 1 alone may be a hundred times the usual one.",
     "Weights start Glorot-uniform with zero biases as in the original NeRF, equal for all methods wherever names and "
     "shapes match.",
     "Listing 2 takes its mean over whatever points share a call. Where empty space is skipped these are the points of "

@@ -26,6 +26,7 @@ class LivePage:
         self._began: float | None = None
         self._cost = 0.0
         self._shown = False
+        self._closed = False
 
     def renew(self) -> None:
         """Begin to write the page, unless one is being written or the last is too recent."""
@@ -40,15 +41,20 @@ class LivePage:
 
     def close(self) -> None:
         """End the writing; the page stays as it was written last."""
+        self._closed = True
         if self._process is not None:
             self._process.kill()
         if self._thread is not None:
             self._thread.join()
 
     def _write(self) -> None:
+        if self._closed:
+            return
         spent = _spent_by_children()
         command = ["nice", "-n", str(NICENESS), sys.executable, "-m", "reports", str(self._out), "--partial", "--quiet"]
         self._process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        if self._closed:  # while it was started
+            self._process.kill()
         written = self._process.wait() in (0, 3)  # 3: some cell failed
         self._cost = _spent_by_children() - spent
         if written and not self._shown:

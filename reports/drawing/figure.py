@@ -36,10 +36,14 @@ def inline_svg(text: str, name: str, alt: str, labels: Sequence[str] = ()) -> st
     view, *_ = re.findall(r'viewBox="([^"]+)"', body)
     inner = body[body.index(">") + 1 : body.rindex("</svg>")]
     inner = re.sub(r"<metadata>.*?</metadata>|<style.*?</style>|<!--.*?-->", "", inner, flags=re.DOTALL)
-    inner = re.sub(r' id="(line|end)-(\d+)"', lambda of: f' data-{of[1]}="{escape(labels[int(of[2])])}"', inner)
-    inner = re.sub(r' id="axis-([xy])"', r' data-axis="\1"', inner)
     used = set(re.findall(r'(?:href="#|url\(#)([^")]+)', inner))
-    inner = re.sub(r' id="([^"]+)"', lambda id: f' id="{name}-{id[1]}"' if id[1] in used else "", inner)
+
+    def named(tag: re.Match[str]) -> str:
+        words = re.sub(r' id="(line|end)-(\d+)"', lambda of: f' data-{of[1]}="{escape(labels[int(of[2])])}"', tag[0])
+        words = re.sub(r' id="axis-([xy])"', r' data-axis="\1"', words)
+        return re.sub(r' id="([^"]+)"', lambda id: f' id="{name}-{id[1]}"' if id[1] in used else "", words)
+
+    inner = re.sub(r"<[^>]+>", named, inner)  # a text may look like an attribute
     inner = re.sub(r'(xlink:href="#|url\(#)', lambda use: f"{use[1].removeprefix('xlink:')}{name}-", inner)
     inner = re.sub(r"font-family: [^;\"]+;? ?", "", inner)
     inner = re.sub(r" transform=\"rotate\(-0 [^\"]+\"", "", inner)

@@ -1,11 +1,13 @@
 """Records → report.html: one self-contained file that works offline and makes no requests."""
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 from markupsafe import Markup
 
+from harness.records.cells import RunRecord
 from harness.records.study import SHELVES
 from harness.records.targets import TargetsRecord
 from reports.claims.claim_list import claims
@@ -125,7 +127,7 @@ def _page(records: Records, shelves: ShelfRecords, pixels: PictureData | None, s
         at_scale=source is None or is_at_scale(records, source),
         as_printed=printed_form(records),
         ceilings=ceilings(records),
-        expected=len(run.scenes) * len(run.methods) * len(run.seeds),
+        expected=expected_cells(run),
         not_tested=missing,
         not_tested_in_short=in_short(missing),
         warned=sum(bool(cell.all_warnings) for cell in records.cells),
@@ -285,6 +287,13 @@ def provenance(records: Records) -> shell.Groups:
         ("View sets", sets),
     ]
     return [(title, [(name, value) for name, value in rows if value]) for title, rows in groups if rows]
+
+
+def expected_cells(run: RunRecord) -> int:
+    """Return the number of planned cells of the compared methods; older records list only what has begun."""
+    planned = [run.settings.get(name) for name in ("scenes", "methods", "seeds")]
+    begun = (run.scenes, run.methods, run.seeds)
+    return math.prod(len(each if isinstance(each, list) else other) for each, other in zip(planned, begun, strict=True))
 
 
 def version(records: Records) -> str:

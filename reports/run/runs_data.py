@@ -4,6 +4,7 @@ from typing import TypeVar
 
 from harness.records.cells import CellRecord
 from harness.records.metric_table import METRICS
+from harness.verdicts.failures import judgeable
 from reports.data.load import Records, in_complete_groups
 from reports.data.table import SCORES
 from reports.drawing.palette import colours_of
@@ -69,6 +70,7 @@ def _cell(records: Records, cell: CellRecord, differing: set[str]) -> dict[str, 
     columns["dead_units"] = [_number(max(point.dead_units.values())) if point.dead_units else None for point in curve]
     return {
         **{name: getattr(cell, name) for name in ("scene", "method", "seed", "status", "steps")},
+        "judged": judgeable(cell),
         "reason": cell.reason or "",
         "seconds": _number(cell.train_seconds),
         "core_seconds": _number(cell.train_core_seconds),

@@ -73,7 +73,8 @@ def on_this_node(listing: Listing, fetch: Callable[[str, int], bytes]) -> Path:
                 raise InputError(
                     f"{listing.folder}: changed while it was copied to a node; leave it alone during a run"
                 )
-            shutil.rmtree(target.parent, ignore_errors=True)  # an older copy is incomplete
+            if not _same(target, listing):  # a complete copy is one that another cell may be reading
+                shutil.rmtree(target.parent, ignore_errors=True)
     except OSError:
         if not _same(target, listing):  # else another cell of this node was faster
             raise

@@ -88,8 +88,8 @@ def other_statistics(stored: References) -> int:
     """Count the numbers of the stored comparisons that are now different."""
     today = statistics_of(stored_cells(stored))
     differing = 0
-    for name, before in stored.statistics.items():
-        now = today.get(name, [])
+    for name in stored.statistics.keys() | today.keys():
+        before, now = stored.statistics.get(name, []), today.get(name, [])
         differing += abs(len(now) - len(before))
         differing += sum(not math.isclose(a, b, rel_tol=1e-6) for a, b in zip(now, before, strict=False))
     return differing

@@ -49,7 +49,7 @@ const runs = (() => {
 
   // A metric of two runs: after the steps that both have, or at the time of the faster run.
   function scoresAt(first, second, name, budget) {
-    if (first.status !== "done" || second?.status !== "done") return [null, null];
+    if (!first.judged || !second?.judged) return [null, null];
     const [, axis, length] = BUDGETS[budget] ?? BUDGETS.steps;
     if (axis === "step" && first.steps === second.steps) return [score(first, name), score(second, name)];
     const at = Math.min(first[length], second[length]);
