@@ -4,7 +4,7 @@ import json
 
 from tests.harness.shell import ROOT
 
-TOGETHER = ("reduced/summary.json", "reduced/halved.json", "adam/summary.json")
+TOGETHER = ("reduced/summary.json", "reduced/halved.json", "adam/summary.json", "converged/summary.json")
 """The runs that are compared with each other; a replicate is one by its commit."""
 
 
