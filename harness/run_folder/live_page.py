@@ -35,7 +35,7 @@ class LivePage:
             return
         if self._began is not None and now - self._began < self._cost / MOST:
             return
-        self._began = now
+        self._began, self._closed = now, False
         self._thread = threading.Thread(target=self._write, daemon=True)
         self._thread.start()
 

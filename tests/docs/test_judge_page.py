@@ -105,7 +105,7 @@ def test_the_table_with_seeds_is_that_of_the_published_run() -> None:
 
 
 def test_the_page_names_the_metrics_that_are_known(tmp_path: Path) -> None:
-    for name in re.findall(r"`(\w+)`", PAGE.split("better when lower (")[1].split(")")[0]):
+    for name in re.findall(r"`(\w+)`", PAGE.split("better when lower; ")[1].split(" and names")[0]):
         rows = "".join(f"{scene},{method},1\n" for scene in "ab" for method in "xy")
         (tmp_path / "t.csv").write_text(f"scene,method,{name}\n{rows}")
         assert not read_table([tmp_path / "t.csv"]).higher_is_better

@@ -179,8 +179,8 @@ def test_larger_pictures_have_a_table_and_lines_of_their_own() -> None:
 
 
 def test_others_are_compared_with_the_best_of_ours_in_no_more_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    points = [Point("Theirs, fast", "as it is", "lego", 100, *at) for at in ((3.0, 1.0), (9.0, 29.5), (20.0, 30.5))]
-    others = Point("Theirs, large", "elsewhere", "lego", 400, 9.0, 1.0)
+    points = [Point("Theirs", "fast", "as it is", "lego", 100, *at) for at in ((3.0, 1.0), (9.0, 29.5), (20.0, 30.5))]
+    others = Point("Theirs", "large", "elsewhere", "lego", 400, 9.0, 1.0)
     monkeypatch.setattr("harness.studies.frontier.peers.read_points", lambda: [*points, others])
     findings = list(peers(two_families()))
     assert findings[0] == "Theirs: at 1 of 3 points a family of ours scores higher in no more core seconds."

@@ -90,7 +90,6 @@ def made(scene: str, *warnings: str, **facts: str) -> CellRecord:
     [
         (made("wires"), 0.5, "pass", False),
         (made("wires", "gap: x"), 0.5, "pass", False),
-        (made("empty", "empty collapse: x"), 0.5, "pass", False),
         (made("wires", "empty collapse: x"), 0.5, "not_applicable", False),
         (made("wires"), 0.99, "fail", True),
         (diverged("wires", "nerf", 0), 0.5, "fail", True),
