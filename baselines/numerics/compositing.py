@@ -18,6 +18,10 @@ def composite(
 
 def expected_depth(w: Float[Tensor, "rays bins"], t: Float[Tensor, "rays bins"], far: float) -> Float[Tensor, " rays"]:
     """Return the mean distance at which the ray hits geometry, Σ w t / Σ w; `far` where it hits nothing."""
-    total = w.sum(dim=-1)
-    hit = total > 0
-    return torch.where(hit, (w * t).sum(dim=-1) / torch.where(hit, total, 1.0), far)
+    return hit_distance((w * t).sum(dim=-1), w.sum(dim=-1), far)
+
+
+def hit_distance(weighted: Float[Tensor, " rays"], w: Float[Tensor, " rays"], far: float) -> Float[Tensor, " rays"]:
+    """Return the mean distance of the hit from the sums Σ w t and Σ w of a ray."""
+    hit = w > 0
+    return torch.where(hit, weighted / torch.where(hit, w, 1.0), far)

@@ -16,6 +16,7 @@ from torch import Tensor
 from torch.nn.functional import normalize
 
 from baselines.contract import Box, Densities, Points, Rays, Rendering
+from baselines.numerics.compositing import hit_distance
 from baselines.splats.rasteriser import COLUMNS, MOST_OPAQUE, NEAREST, Drawn, Eye, add_densities
 from baselines.splats.ray_cells import RayCells
 
@@ -64,11 +65,6 @@ class Pencil:
         if bool((directions @ forward < 1e-2).any()):
             raise ValueError("rays of one camera that span half a sphere: splats are drawn on a plane")
         return Pencil(origin, axes, near, RayCells.of(on_plane(directions, axes).numpy()))
-
-
-def hit_distance(weighted: Tensor, opacity: Tensor, far: float) -> Tensor:
-    """Return the expected distance of the hit, of which `weighted` is the product with opacity; `far` without a hit."""
-    return torch.where(opacity > 0.0, weighted / opacity.clamp(min=torch.finfo(opacity.dtype).tiny), far)
 
 
 @dataclass(eq=False)

@@ -108,8 +108,8 @@ def job_parameters(given: list[str]) -> dict[str, object]:
 
 
 def executor(folder: Path, threads: int, device: str, given: list[str]) -> Any:
-    """Return submitit's executor of Slurm, or without `sbatch` of processes; `InputError` without
-    submitit and for an unknown parameter.
+    """Return submitit's executor of Slurm, or without `sbatch` of processes; raises `InputError` without submitit and
+    for an unknown parameter.
     """
     try:
         import submitit

@@ -45,10 +45,8 @@ from harness.verdicts.statistics import (
 
 LOST = {"diverged": "diverged", COLLAPSED: "ended in empty collapse", "error": "failed", "done": "has no score"}
 """Map state → why a run counts as not reaching the target, even if it scored above it before."""
-
-
-STAYING = ("diverged", COLLAPSED, "done")
-"""The states of runs that never reach the target and stay at risk."""
+STAYING = {LOST[state] for state in ("diverged", COLLAPSED, "done")}
+"""Why runs never reach the target and stay at risk."""
 
 
 def targets(
@@ -138,7 +136,7 @@ def kaplan_meier(reaches: list[Reach]) -> tuple[list[float], list[float], list[i
     worse than the others. Runs that failed for other reasons are censored when they failed.
     """
     end = max(each.time for each in reaches)
-    lost = [each.known == "never" and each.why in (LOST[state] for state in STAYING) for each in reaches]
+    lost = [each.known == "never" and each.why in STAYING for each in reaches]
     watched = np.array([end if is_lost else each.time for each, is_lost in zip(reaches, lost, strict=True)])
     event = np.array([each.known != "never" for each in reaches])
     times = np.unique(np.append(watched[event], end))

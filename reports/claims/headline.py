@@ -221,7 +221,7 @@ def control_of(records: Records, method: str) -> str | None:
     """
     baseline, control = records.baseline, records.control
     own = [value_at(records.run.settings, "train", "own", str(name)) for name in (baseline, control, method)]
-    if control is None or not all(isinstance(each, dict) for each in own[:1]):
+    if control is None or not isinstance(own[0], dict):
         return control
     first, second, tested = (each if isinstance(each, dict) else {} for each in own)
     unlike = {name for name in first | second if first.get(name) != second.get(name)}

@@ -75,7 +75,6 @@ def methods_grid(record: JudgementRecord, ranking: Ranking, caption: str = FROM_
         pair = by_method.get(place.method)
         estimate = pair.scenes_like_these if pair else None
         least = estimate.smallest_detectable if estimate else None
-        to_settle = pair.scenes_to_settle or None if pair else None  # 0 where the sign is known
         rows.append(
             [
                 Entry(place.method, place.origin),
@@ -88,7 +87,7 @@ def methods_grid(record: JudgementRecord, ranking: Ranking, caption: str = FROM_
                 Entry(estimate.verdict.phrase, tone=tone(record, estimate.verdict)) if estimate else EMPTY,
                 q_entry(q.get(pair)),
                 value_entry(least, partial(number, record)),
-                value_entry(to_settle, str),
+                value_entry(pair.scenes_to_settle if pair else None, str),
                 difference(record, pair, pair.on_these_scenes if pair else None, worded=True),
                 value_entry(place.seconds, duration),
                 value_entry(place.core_seconds, duration),

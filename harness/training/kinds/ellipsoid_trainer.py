@@ -12,7 +12,8 @@ from torch import Tensor
 from torch.nn.functional import normalize
 
 from baselines.contract import Rays, Rendering
-from baselines.splats.gaussians import hit_distance, parts_of
+from baselines.numerics.compositing import hit_distance
+from baselines.splats.gaussians import parts_of
 from baselines.splats.traced import Traced
 from harness.training.kinds.splat_trainer import GaussianTrainer
 from harness.training.learner import Job

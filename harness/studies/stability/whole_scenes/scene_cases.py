@@ -275,11 +275,9 @@ def _billboard(context: StabilityContext) -> Check:
         "psnr_train": evaluate.train_psnr(learner, views, FEW_VIEWS, chunk=4096),
         "psnr_floor": evaluate.floor_psnr(views),
     }
-    rendered, true = (
-        np.mean([image.opacity.mean() for image in images]),
-        np.mean([x[..., 3] for x in views.test.rgba]),
-    )
-    warnings = warnings_of(scores, (float(rendered), float(true)), grid_emptied=False)
+    opacities = [image.opacity for image in images], [rgba[..., 3] for rgba in views.test.rgba]
+    rendered, true = (float(np.mean(each)) for each in opacities)
+    warnings = warnings_of(scores, (rendered, true), grid_emptied=False)
     test, training, floor = (score or 0.0 for score in scores.values())
     why = (
         f"training views {training:.1f} dB, test views {test:.1f} dB, a copy of the nearest training "

@@ -19,6 +19,7 @@ from harness.studies.framework import Rows
 from harness.studies.stability.cases import CASES
 from harness.studies.stability.stability_context import StabilityContext, owner_of_method
 from harness.training.scoring.evaluate import mean_of
+from harness.verdicts.failures import COLLAPSED, failure_of
 from scenes.files.errors import DamagedRecord
 from scenes.modelling.truth import Truth, pixel_means
 from scenes.view_sets.formats.transforms import read_transforms
@@ -180,10 +181,9 @@ def learnt_nothing(run: SceneRun, cell: CellRecord) -> bool:
     Whether a training collapses within a few hundred steps depends on its random numbers and not on how well a formula
     is computed: it is not judged. A dark picture without opacity is judged, as it adds up its colours wrongly.
     """
-    collapsed = any(warning.startswith("empty collapse") for warning in cell.warnings)
-    if cell.status != "done" or not collapsed:
-        return False
-    return all((1.0 - view.colour).mean() <= LARGEST_TRACE for view in shown(run, cell))
+    return failure_of(cell) == COLLAPSED and all(
+        (1.0 - view.colour).mean() <= LARGEST_TRACE for view in shown(run, cell)
+    )
 
 
 PROFILE = "stress"
