@@ -291,9 +291,11 @@ def provenance(records: Records) -> shell.Groups:
 
 def expected_cells(run: RunRecord) -> int:
     """Return the number of planned cells of the compared methods; older records list only what has begun."""
-    planned = [run.settings.get(name) for name in ("scenes", "methods", "seeds")]
-    begun = (run.scenes, run.methods, run.seeds)
-    return math.prod(len(each if isinstance(each, list) else other) for each, other in zip(planned, begun, strict=True))
+    counts = []
+    for name, begun in (("scenes", len(run.scenes)), ("methods", len(run.methods)), ("seeds", len(run.seeds))):
+        planned = run.settings.get(name)
+        counts.append(len(planned) if isinstance(planned, list) else begun)
+    return math.prod(counts)
 
 
 def version(records: Records) -> str:
