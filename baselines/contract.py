@@ -100,6 +100,8 @@ class Box:
     upper: Float[Tensor, " 3"]
     hull: Bool[Tensor, "cells cells cells"] | None = None
     """The cells of the box that the silhouettes allow to hold something; the others are known to be empty."""
+    pixels_across: float | None = None
+    """The length in pixels of the longest side, at the box's centre in a mean training view; None: not known."""
 
     def to_unit(self, x: Float[Tensor, "*points 3"]) -> Float[Tensor, "*points 3"]:
         """Map world coordinates to box coordinates in [0, 1]³."""

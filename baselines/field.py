@@ -186,23 +186,25 @@ class NetworkField(nn.Module):
         direction's part of that layer is added ray by ray. No value is cached between calls.
         """
         dtype, shape = self.dtype, x.shape[:2]
-        position = _padded(features_at(self.coordinates(x.reshape(-1, 3)), self.position_omega)).to(dtype)
+        position = features_at(self.coordinates(x.reshape(-1, 3)), self.position_omega).to(dtype)
         view = features_at(self.direction_coordinates(d), self.direction_omega) if self.view_dependent else d[:, :0]
         hidden = position
         for index, layer in enumerate(_linears(self.density_net)):
-            hidden = self.activation(linear(hidden, _padded(layer.weight).to(dtype), layer.bias.to(dtype)))
+            hidden = self.activation(linear(_padded(hidden), _padded(layer.weight).to(dtype), layer.bias.to(dtype)))
             if index == self.skip:
                 hidden = torch.cat([hidden, position], dim=-1)
         first, *others = _linears(self.colour_net)
         seen = self.density_head.in_features
         heads = torch.cat([first.weight[:, :seen], self.density_head.weight])
-        both = linear(hidden, _padded(_padded(heads), rows=True).to(dtype))
+        both = linear(_padded(hidden), _padded(_padded(heads), rows=True).to(dtype))
         colours = first.out_features
         of_view = linear(view.to(dtype), first.weight[:, seen:].to(dtype), first.bias.to(dtype)).to(first.weight.dtype)
         h = both[:, :colours].unflatten(0, shape) + of_view.unsqueeze(1)
         for layer in others:
             weight, bias = _padded(_padded(layer.weight), rows=True), _padded(layer.bias)
-            h = linear(self.activation(h).to(dtype), weight.to(dtype), bias.to(dtype))[..., : layer.out_features]
+            h = linear(_padded(self.activation(h)).to(dtype), weight.to(dtype), bias.to(dtype))[
+                ..., : layer.out_features
+            ]
         raw = both[:, colours].to(first.weight.dtype) + self.density_head.bias
         return raw.unflatten(0, shape), h.to(first.weight.dtype)
 

@@ -114,13 +114,15 @@ class Gaussians:
         return cast("tuple[Tensor, Tensor, int]", Drawn.apply(pencil.cells, eye, values))
 
     def render(self, rays: Rays) -> Rendering:
-        """Render rays of any cameras over white, one camera after the other. Raises `ValueError` as `Pencil.of`."""
+        """Render rays of any cameras over white, one camera after the other, with colours in 0 … 1 as a picture holds
+        them. Raises `ValueError` as `Pencil.of`.
+        """
         colour, opacity = torch.ones(len(rays), 3), torch.zeros(len(rays))
         depth, drawn = torch.full((len(rays),), rays.far), 0
         for of_camera in _by_camera(rays.origins):
             origin = rays.origins[of_camera][0]
             out, through, count = self.draw(Pencil.of(origin, rays.directions[of_camera], rays.near), self.values)
-            colour[of_camera] = out[:, :3] + through[:, None]
+            colour[of_camera] = (out[:, :3] + through[:, None]).clamp(0.0, 1.0)
             opacity[of_camera] = 1.0 - through
             depth[of_camera] = hit_distance(out[:, 3] * self.box.half_extent, opacity[of_camera], rays.far)
             drawn += count

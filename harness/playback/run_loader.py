@@ -139,7 +139,8 @@ class FinishedRun:
         _require_possible(settings, settings.own.get(method), path, checkpoint)
         if [len(corner) for corner in scene.bounds] != [3, 3] or not scene.bounds[0] < scene.bounds[1]:
             raise DamagedRecord(f"{self.out}: {scene.name}: bounds {shown(scene.bounds)} are not a box; run again")
-        box = Box(*(torch.tensor(corner, dtype=torch.float32, device=device) for corner in scene.bounds))
+        lower, upper = (torch.tensor(corner, dtype=torch.float32, device=device) for corner in scene.bounds)
+        box = Box(lower, upper)
         directed = "view_direction" not in [part_name(row.what, row.name) for row in scene.left_out]
         learner = learner_for(Job(method, box, settings, budget, stream_of(scene.name, seed), device, directed))
         written = cell.files.get(checkpoint_name(scene.name, method, seed))  # none in old records

@@ -6,7 +6,7 @@ import torch
 
 from baselines.contract import Box
 from harness.plan.group_task import GroupTask
-from harness.plan.needed import for_scene
+from harness.plan.needed import for_scene, pixels_across
 from harness.plan.schedule import Budget
 from harness.plan.settings import TrainSettings
 from harness.records.cells import CellRecord, empty_cell
@@ -105,9 +105,9 @@ def _started(
 
 
 def box_of(views: ViewSet, device: torch.device) -> Box:
-    """Return the box around everything visible, with the hull of the training silhouettes."""
+    """Return the box around everything visible, with the hull and the scale of the training views."""
     lower, upper = (torch.as_tensor(corner, dtype=torch.float32, device=device) for corner in views.bounds)
-    return Box(lower, upper, torch.from_numpy(views.hull))
+    return Box(lower, upper, torch.from_numpy(views.hull), pixels_across(views))
 
 
 def stream_of(scene: str, seed: int) -> str:

@@ -13,7 +13,7 @@ from baselines.marching.sampling_plan import Sampling
 from baselines.numerics.encoding import PHI, encode, features_at, fourier_features, frequency_ladder
 from baselines.occupancy import OccupancyGrid
 from baselines.rendering import render_rays
-from tests.baselines.small_fields import BOX, PARTS, WHITE, every_method, field_of, roughened, some_rays
+from tests.baselines.small_fields import BOX, PARTS, SMALL, WHITE, every_method, field_of, roughened, some_rays
 
 RAYS, MISSED = 60, slice(None, None, 3)
 DOUBLE_BOX, DOUBLE_WHITE = Box(BOX.lower.double(), BOX.upper.double()), WHITE.double()
@@ -103,6 +103,12 @@ def test_all_packed_skipped_and_explored_points_agree_with_the_exact_march(
 def test_coarse_and_fine_passes_agree(method: str) -> None:
     fields = [field_of(method, seed=seed) for seed in (0, 1)]
     agree(method, fields, Sampling(bins=8, fine_bins=6, fixed=True))
+
+
+@pytest.mark.parametrize("width", [17, 20])
+def test_no_width_need_be_a_multiple_of_8(width: int) -> None:
+    size = replace(SMALL, width=width, colour_width=width - 6)
+    agree("qnerf", [field_of("qnerf", size=size)], Sampling(bins=8, fixed=True))
 
 
 def test_directions_are_seen_only_where_they_may_be() -> None:

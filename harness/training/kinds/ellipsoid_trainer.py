@@ -47,7 +47,7 @@ class EllipsoidTrainer(GaussianTrainer):
         traced = self._traced(self._numbers(self.field.values))
         colour, through, distance, met = traced.trace(*self._normalised(rays))
         depth = hit_distance(distance * self.box.half_extent, 1.0 - through, rays.far)
-        return Rendering(colour, 1.0 - through, depth, met)
+        return Rendering(colour.clamp(0.0, 1.0), 1.0 - through, depth, met)
 
     def _numbers(self, values: Float[Tensor, "gaussians columns"]) -> tuple[Tensor, ...]:
         """Return the numbers in the order of `baselines.splats.traced.NAMES`."""

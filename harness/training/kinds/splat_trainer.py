@@ -32,8 +32,8 @@ class GaussianTrainer(BudgetedTrainer):
 
     def __init__(self, job: Job) -> None:
         super().__init__(job)
-        # `bins_per_pixel` counts bins per pixel of the box's longest side (`harness.plan.needed.at_scale`)
-        pixel = 2.0 * (self.settings.bins_per_pixel or 1.0) / self.settings.bins
+        # a box of no view set is looked at about as closely as rays are sampled
+        pixel = 2.0 / (self.box.pixels_across or self.settings.bins)
         degree = self.own.degree if self.view_dependent else 0
         # the first Gaussians lie on the surface of the silhouettes' hull
         box = self.box if self.settings.accelerations.hull else replace(self.box, hull=None)

@@ -49,7 +49,7 @@ def _drawn(file: Path, views: ViewSet) -> ImageStack:
     """Draw the Gaussians of a .ply file once from each test camera."""
     field = given_gaussians(file, views.focal)
     cameras = cameras_of(views, views.test, torch.device("cpu"))
-    drawn = (field.render(cameras.all_rays(index)).colour.clamp(0.0, 1.0) for index in range(len(cameras)))
+    drawn = (field.render(cameras.all_rays(index)).colour for index in range(len(cameras)))
     return ImageStack.of(colour.numpy().reshape(views.height, views.width, 3) for colour in drawn)
 
 

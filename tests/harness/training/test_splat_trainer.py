@@ -6,11 +6,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 
 from baselines.catalog import CATALOG
 from baselines.methods.explicit import GaussianSettings
+from baselines.splats.rasteriser import COLOUR
 from harness.plan.schedule import Budget
 from harness.records.snapshot import read_unfinished, write_unfinished
 from harness.studies.conformance.learner_checks import CPU, SETTINGS, STREAM, drawn
@@ -21,6 +23,7 @@ from harness.training.kinds.ssim_loss import ssim_loss
 from harness.training.learner import Job, at_step, train
 from harness.training.lockstep import box_of
 from harness.training.make_learner import NotAvailable, learner_for
+from harness.training.scoring.evaluate import cameras_of
 from harness.training.trainer import Diverged
 
 OWN: GaussianSettings = CATALOG["splats"].settings
@@ -110,3 +113,23 @@ def test_on_a_gpu_it_is_not_available_with_the_remedy() -> None:
     gpu = torch.device("cuda")
     with pytest.raises(NotAvailable, match="--device cpu"):
         learner_for(Job("splats", box_of(views, CPU), SETTINGS, Budget(1, None), STREAM, gpu))
+
+
+def test_a_pixel_is_that_of_the_views_whatever_the_rays_bins() -> None:
+    views, _ = drawn()
+    side = float((views.bounds[1] - views.bounds[0]).max())
+    distance = float(np.linalg.norm(views.train.camera_to_world[:, :3, 3] - views.bounds.mean(axis=0), axis=-1).mean())
+    for bins in (24, 48):
+        settings = replace(SETTINGS, bins=bins)
+        learner = SplatTrainer(Job("splats", box_of(views, CPU), settings, Budget(1, None), STREAM, CPU, True))
+        assert learner.field.pixel * 0.5 * side == pytest.approx(distance / views.focal)
+
+
+def test_colours_of_a_picture_lie_in_0_to_1() -> None:
+    learner = trainer()
+    learner.field.values = learner.field.values.clone()
+    learner.field.values[:, COLOUR] = 9.0
+    views, _ = drawn()
+    colour = learner.field.render(cameras_of(views, views.test, CPU).all_rays(0)).colour
+    assert colour.max() == 1.0
+    assert colour.min() >= 0.0

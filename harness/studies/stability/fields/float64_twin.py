@@ -1,11 +1,11 @@
 """O5: trainings and their twins in float64, with the same weights, batches and random draws."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import torch
 
-from baselines.contract import Box
 from harness.records.study import Table, check
 from harness.studies.framework import Found, Rows
 from harness.studies.stability.fields import small_training
@@ -44,7 +44,7 @@ def float64_twin(context: StabilityContext) -> Iterator[Found]:
 
 def in_dtype(trainer: Trainer, dtype: torch.dtype) -> Trainer:
     """Convert weights, box and grid of the trainer, but not its optimiser, to a dtype; return the trainer."""
-    box = Box(trainer.box.lower.to(dtype), trainer.box.upper.to(dtype), trainer.box.hull)
+    box = replace(trainer.box, lower=trainer.box.lower.to(dtype), upper=trainer.box.upper.to(dtype))
     trainer.fields.to(dtype)
     trainer.box, trainer.background = box, trainer.background.to(dtype)
     field: Any
