@@ -4,12 +4,11 @@ Situations are early and late in training, two optimisers, equal steps and equal
 Equal verdicts do not show that nothing changed, nor unequal ones that something did: the change itself is estimated.
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
-from harness.records.cells import USUAL, Budget, CellRecord
+from harness.records.cells import Budget, CellRecord
 from harness.records.metric_table import METRICS, PRIMARY
 from harness.verdicts.comparisons import FEWEST_SEEDS, Judgement, differences, judged, keyed
 from harness.verdicts.estimates import nested
@@ -51,9 +50,8 @@ def change(method: str, against: str, before: Condition, after: Condition, famil
     return change_of(method, against, *tables, paired=seeds[0] == seeds[1], family=family)
 
 
-def changes(methods: Iterable[str], before: Condition, after: Condition) -> list[Change]:
-    """Return the changes of all compared pairs of `methods`, which form a family."""
-    pairs = USUAL.pairs(methods)
+def changes(pairs: list[tuple[str, str]], before: Condition, after: Condition) -> list[Change]:
+    """Return the changes of pairs of methods, which form a family."""
     all_changes = (change(*pair, before, after, len(pairs)) for pair in pairs)
     return [each for each in all_changes if each is not None]
 

@@ -49,7 +49,9 @@ class FailureComparison:
     difference: float
     """The share of the pairs in which `method` failed minus that of `against`."""
     p_value: float
-    """The two-sided p-value: the chance of counts at least as unequal if both methods fail equally often."""
+    """The two-sided p-value, the chance of counts at least as unequal if both methods fail equally often, times the
+    number of pairs of methods that are compared.
+    """
     verdict: Sign
     """The sign of the difference: below 0 if `method` fails less often."""
 
@@ -100,7 +102,7 @@ def failures(cells: list[CellRecord], methods: list[str], duels: list[tuple[str,
         )
         if many := pairs.total():
             only_method, only_against = pairs[True, False], pairs[False, True]
-            p_value = sign_test(only_method, only_against)
+            p_value = min(1.0, len(duels) * sign_test(only_method, only_against))
             sign: Sign = "above 0" if only_method > only_against else "below 0"
             if p_value >= 1.0 - CONFIDENCE:
                 sign = "open"

@@ -3,6 +3,7 @@
 Holm's step-down procedure decides its signs: in at most 5 % of runs any of them is wrong. Its printed intervals are
 Bonferroni's for the size of the family: in at most 5 % of runs any of them misses the truth. If Holm decides a sign
 that Bonferroni's interval leaves open, the interval is cut at 0, so that sign and interval never contradict each other.
+Such a cut adds a miss only where the sign is wrong.
 Each sense, on these scenes and on scenes like these, is a family.
 """
 

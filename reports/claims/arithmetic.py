@@ -53,7 +53,7 @@ def differences_of_rows(bench: Bench, entry: Statement) -> Result | None:
     needed = {"delta", entry.of["method"], entry.of["against"]}
     rows = {name: row for name, row in bench.file.psnr.items() if needed <= row.keys()}
     gains = {name: row[entry.of["method"]] - row[entry.of["against"]] for name, row in rows.items()}
-    return _counted(entry, {name: abs(gains[name] - row["delta"]) <= DIGIT_DB + 1e-9 for name, row in rows.items()})
+    return _counted(entry, {name: abs(gains[name] - row["delta"]) <= 3 * DIGIT_DB for name, row in rows.items()})
 
 
 def means_of_rows(bench: Bench, entry: Statement) -> Result | None:
@@ -99,7 +99,7 @@ def ratio_of_times(bench: Bench, entry: Statement) -> Result | None:
     half = half_unit(theirs, "h") if entry.of["row"].startswith("hours") else 500.0  # printed in thousands
     low, high = (100 * (1 - (ours + side * half) / (theirs - side * half)) for side in (1, -1))
     value = 100 * (1 - ours / theirs)
-    verdict = judge_figures(entry.printed, half_unit(entry.printed), value, (low, high))
+    verdict = judge_figures(entry.printed, half_unit(entry.printed, entry.unit), value, (low, high))
     note = f"as a ratio of speeds {number(100 * (theirs / ours - 1), 0)} %"
     if verdict == "inconclusive":
         room = f"{number(low, 1)} to {number(high, 1)}"

@@ -93,6 +93,8 @@ def half_unit(printed: Number, unit: str = "") -> float:
     """Return half of the last printed digit, the maximum error by rounding: 1.4 → 0.05, 257 → 0.5, 67 000 → 500."""
     if unit in ("dB", "h"):  # printed with one decimal, even if it is 0
         return 0.05
+    if unit == "%" and float(printed).is_integer():  # 20 % is not 2 · 10 %
+        return 0.5
     if isinstance(printed, int) or float(printed).is_integer():
         digits = str(abs(int(printed)))
         zeros = len(digits) - len(digits.rstrip("0")) if digits != "0" else 0

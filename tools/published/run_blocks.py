@@ -6,7 +6,7 @@ from statistics import fmean, stdev
 
 import numpy as np
 
-from harness.records.cells import Comparison
+from harness.records.cells import USUAL, Comparison
 from harness.records.json_record import as_promised
 from harness.records.study import Check, Studies
 from harness.records.verdict import common
@@ -149,7 +149,7 @@ def changed(run: Run, before: Condition, after: Condition, words: str) -> str:
     """Tabulate by how much the difference of each pair changed between two situations, in both senses."""
     trained = [{cell.method for cell in side.cells} for side in (before, after)]
     methods = [method for method in main_methods(run) if all(method in side for side in trained)]
-    by_pair = {(change.method, change.against): change for change in changes(methods, before, after)}
+    by_pair = {(change.method, change.against): change for change in changes(USUAL.pairs(methods), before, after)}
     rows = []
     for pair in DUELS:
         if (change := by_pair.get(pair)) is None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.records.cells import Budget, CellRecord, Estimate, RunRecord, read_cells, read_run
+from harness.records.cells import Budget, CellRecord, Estimate, Roles, RunRecord, read_cells, read_run
 from harness.records.json_record import flat, plain
 from harness.records.verdict import Verdict
 from harness.verdicts.changes import Condition, changes
@@ -111,16 +111,16 @@ def two_runs(first: Path, second: Path) -> TwoRuns:
         by_method=apart_by("method"),
         by_scene=apart_by("scene"),
         all=_apart("all", scored) if scored else None,
-        over_all=_over_all(methods, *sides),
-        moved=_moved(methods, *sides),
+        over_all=_over_all(methods, runs[0].roles, *sides),
+        moved=_moved(runs[0].roles.pairs(methods), *sides),
     )
 
 
-def _over_all(methods: list[str], first: list[CellRecord], second: list[CellRecord]) -> list[OverAll]:
+def _over_all(methods: list[str], roles: Roles, first: list[CellRecord], second: list[CellRecord]) -> list[OverAll]:
     rows = [
         {
             (row.method, row.against): row
-            for row in compare(side, methods)
+            for row in compare(side, methods, roles)
             if (row.scene, row.metric, row.budget) == ("all", "psnr", "steps") and row.difference is not None
         }
         for side in (first, second)
@@ -160,11 +160,11 @@ def _apart(where: str, pairs: list[tuple[CellRecord, CellRecord]]) -> Apart:
     return Apart(where, len(pairs), rms, mean, largest, _named(pairs[worst][0]))
 
 
-def _moved(methods: list[str], first: list[CellRecord], second: list[CellRecord]) -> list[Moved]:
+def _moved(pairs: list[tuple[str, str]], first: list[CellRecord], second: list[CellRecord]) -> list[Moved]:
     budgets = headline_budgets([budget for budget in budgets_of(first) if budget in budgets_of(second)])
     moved = []
     for budget in budgets:
-        for change in changes(methods, Condition(first, budget), Condition(second, budget)):
+        for change in changes(pairs, Condition(first, budget), Condition(second, budget)):
             judgement = change.judgement
             estimates = judgement.on_these_scenes, judgement.scenes_like_these
             moved.append(Moved(change.method, change.against, budget, judgement.difference or 0.0, *estimates))

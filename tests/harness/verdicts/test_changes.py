@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from scipy.stats import ttest_1samp
 
 from harness.command.main import main
-from harness.records.cells import CellRecord, write_cell, write_run
+from harness.records.cells import USUAL, CellRecord, Roles, write_cell, write_run
 from harness.verdicts.changes import Condition, change, change_of, changes
 from harness.verdicts.judging.two_runs import two_runs
 from scenes.files.errors import InputError
@@ -100,7 +100,7 @@ def test_steps_and_seconds_of_one_run_are_two_situations() -> None:
 def test_all_pairs_are_looked_at_together() -> None:
     gains = np.random.default_rng(4).normal(0.2, 0.1, (6, 3))
     cells = cells_of(gains) + [one for one in cells_of(gains, "nerf_matched") if one.method != "nerf"]
-    found = changes(METHODS, Condition(cells), Condition(cells))
+    found = changes(USUAL.pairs(METHODS), Condition(cells), Condition(cells))
     assert {(one.method, one.against) for one in found} == {
         ("nerf_matched", "nerf"), ("qnerf", "nerf"), ("qnerf", "nerf_matched"),
     }  # fmt: skip
@@ -160,6 +160,12 @@ def test_budgets_that_an_older_output_lacks_are_left_out(first: Path, tmp_path: 
     counted = output(tmp_path / "counted", [with_core_seconds(cell, 2.0) for cell in cells_of(FIRST)])
     assert [found.budget for found in two_runs(first, counted).moved] == ["steps", "seconds"]
     assert [found.budget for found in two_runs(counted, counted).moved] == ["steps", "core_seconds"]
+
+
+def test_pairs_are_those_of_the_run(first: Path, tmp_path: Path) -> None:
+    other = output(tmp_path / "other", cells_of(FIRST), roles=Roles("qnerf"))
+    result = two_runs(other, other)
+    assert {(row.method, row.against) for row in (*result.moved, *result.over_all)} == {("nerf", "qnerf")}
 
 
 def test_a_cell_lost_in_one_is_named(first: Path, tmp_path: Path) -> None:

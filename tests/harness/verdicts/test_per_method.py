@@ -32,7 +32,7 @@ def test_runs_are_counted_by_how_they_failed_and_other_ends_are_no_runs() -> Non
     assert (nerf.runs, nerf.failed, nerf.rate) == (4, 0, 0.0)
     assert (qnerf.runs, qnerf.diverged, qnerf.collapsed) == (3, 1, 1)
     (duel,) = result.comparisons
-    assert (duel.pairs, duel.only_method, duel.only_against, duel.p_value) == (3, 2, 0, 0.5)
+    assert (duel.pairs, duel.only_method, duel.only_against, duel.p_value) == (3, 2, 0, 1.0)
     assert (duel.difference, duel.verdict) == (pytest.approx(2 / 3), "open")
 
 
@@ -45,6 +45,8 @@ def test_pairs_decide_of_which_one_alone_failed(lost: int, verdict: str) -> None
     both = [done(method, 9, "a", collapsed=True) for method in ("nerf", "qnerf")]
     (duel,) = failures([*cells, *both], ["nerf", "qnerf"], [("qnerf", "nerf")]).comparisons
     assert (duel.p_value, duel.verdict) == (pytest.approx(2 * 0.5**lost), verdict)
+    family = failures([*cells, *both], ["nerf", "qnerf"], [("qnerf", "nerf"), ("another", "nerf")]).comparisons
+    assert family[0].p_value == pytest.approx(4 * 0.5**lost), "pairs of methods are judged together"
     (other,) = failures(cells, ["nerf", "qnerf"], [("nerf", "qnerf")]).comparisons
     assert other.verdict == ("below 0" if verdict == "above 0" else verdict)
 

@@ -55,7 +55,8 @@ SLOWER = changed("times", "hours_to_30_db", qnerf=3.7)
         ("table1-sum", "reproduced", 1_367_257, {"printed": 1_400_000}),
         ("table1-sum", "not reproduced", 1_367_257, {"printed": 1_510_000}),
         ("table2-differences", "reproduced", 9, {}),
-        ("table2-differences", "not reproduced", 8, changed("psnr", "mic", delta=1.6)),
+        ("table2-differences", "reproduced", 9, changed("psnr", "mic", delta=1.6)),
+        ("table2-differences", "not reproduced", 8, changed("psnr", "mic", delta=1.7)),
         ("table2-means", "reproduced", 3, {}),
         ("table2-means", "not reproduced", 2, changed("psnr", "mic", qnerf=35.5)),
         ("table2-range", "reproduced", (1.2, 1.8), {}),
@@ -85,7 +86,7 @@ def test_what_decides_is_named(whole: Records):
     hours = figured(whole, "table3-speedup-hours").note
     assert "leaves 16.9 to 21.2 % open" in hours
     assert "as a ratio of speeds 24 %" in hours
-    assert figured(whole, "table2-differences", **changed("psnr", "mic", delta=1.6)).note == "not mic"
+    assert figured(whole, "table2-differences", **changed("psnr", "mic", delta=1.7)).note == "not mic"
     assert "equal in 7 of 8 scenes" in figured(whole, "table2-source", **changed("psnr", "mic", nerf=33.1)).note
     original = {scene: score for scene, score in PAPER.tables["original"].items() if scene != "mic"}
     lacking = figured(whole, "table2-source", original=original)
