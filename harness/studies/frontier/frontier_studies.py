@@ -10,8 +10,9 @@ STUDIES: dict[str, Study] = catalogue(
     asking("error_against_time", "Error against core seconds",
            "Which family has the smallest error after which time?",
            "Every family trains on the same views at every budget of core seconds, each time with a separate schedule: "
-           "a point of a curve is not an early part of a longer training. The error is that of the test views' display "
-           "colours, and beside it that of depth.",
+           "a point of a curve is not an early part of a longer training. The number of Gaussians follows the budget; "
+           "the other families have one size at all budgets. The error is that of the test views' display colours, and "
+           "next to it that of depth.",
            "error_against_time:error_against_time", 10, AT_BUDGETS),
     asking("front", "Who is ahead, and how surely",
            "Which family is best at which budget, and where does one overtake another?",
