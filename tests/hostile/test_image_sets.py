@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from scenes.files.errors import InputError
 from scenes.view_sets.view_set import read_view_set
@@ -93,6 +94,10 @@ READ: dict[str, Spoil] = {
     "grey with alpha": every_image(lambda file: file.write_bytes(GREY_WITH_ALPHA)),
     "a palette with alpha": every_image(lambda file: file.write_bytes(PALETTE)),
     "bytes behind the image": every_image(lambda file: file.write_bytes(file.read_bytes() + b"x" * 99)),
+    "JPEG that is named PNG": lambda folder: [
+        nerfstudio()(folder),
+        every_image(lambda file: Image.open(file).convert("RGB").save(file, "JPEG"))(folder),
+    ],
     "without a centre": nerfstudio(lambda data: [data.pop(name) for name in ("cx", "cy")]),
     "without a model": nerfstudio(lambda data: data.pop("camera_model")),
     "with depth maps": nerfstudio(depth_file_path="depth/0.png"),
