@@ -42,8 +42,12 @@ def test_what_is_written_is_read(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "path", ["train/r_0", "./train/r_0.png", "train//r_0.png", "train\\r_0", "train/R_0.PNG", "{folder}/train/r_0"]
-)
+    "path",
+    [
+        "train/r_0", "./train/r_0.png", "train//r_0.png", "train\\r_0", "train/R_0.PNG", "{folder}/train/r_0",
+        "./train/../train/r_0.png", "train/r_0.jpg", "train/R_0.JPG", "images/train/r_0.png", "./images/train/r_0.jpg",
+    ],
+)  # fmt: skip
 def test_paths_with_and_without_suffix(folder: Path, path: str) -> None:
     edit(folder, lambda data: data["frames"][0].update(file_path=path.format(folder=folder.resolve())))
     assert read_transforms(folder, "train").files[0] == (folder / "train" / "r_0.png").resolve()
