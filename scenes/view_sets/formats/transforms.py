@@ -138,6 +138,12 @@ def read_transforms(folder: Path, split: str) -> Frames:
     return read_listing(transforms_file(folder, split)).frames
 
 
+def lists_nothing(file: Path) -> bool:
+    """Return whether a listing has no frames, as some programs write for a split without views."""
+    content = read_json(file)
+    return isinstance(content, dict) and content.get("frames") == []
+
+
 def read_listing(file: Path) -> Listing:
     """Read a file and check it: every image exists inside the folder and is listed once, and a pinhole fits into all
     lenses.
