@@ -313,6 +313,10 @@ def _lens(camera: Camera, image: Path, where: str) -> tuple[Lens | None, list[st
     if not any(values.values()) and (camera.fl_x, camera.cx, camera.cy, camera.camera_angle_y) == (None,) * 4:
         return None, []
     width, height = round(camera.w or header(image).width), round(camera.h or header(image).height)
+    if min(width, height) < 1:
+        raise InputError(
+            f"{where}: w is {shown(camera.w)} and h {shown(camera.h)}; give the size in pixels, or neither"
+        )
     fx = camera.fl_x
     if fx is None:
         assert angle is not None

@@ -245,8 +245,8 @@ REFUSED: dict[str, tuple[Callable[[Path], Any], str]] = {
     "part of a pixel": (lambda f: broken(f, "cameras.txt", lambda text: text.replace(" 24", " 24.5", 1)), "damaged"),
     "no points": (lambda f: broken(f, "points3D.txt", lambda text: "1 nan 0 0\n"), "points3D.txt: a point is NaN"),
     "a folding lens": (
-        lambda f: broken(f, "cameras.txt", lambda text: "7 SIMPLE_RADIAL 24 24 30.0 -90.0 12.0 0.0\n"),
-        "no pinhole fits",
+        lambda f: broken(f, "cameras.txt", lambda text: "7 SIMPLE_RADIAL 24 24 30.0 12.0 12.0 -900.0\n"),
+        "no pinhole fits into a lens of 24 × 24 pixels, focal length 30, distortion -900; correct it or undistort",
     ),
     "another shape": (
         lambda f: write_png(f / "images" / "v 03.png", np.zeros((12, 24, 4))),
