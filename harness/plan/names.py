@@ -7,9 +7,11 @@ from scenes.files.errors import InputError
 
 
 def scene_name_of(view_set: Path) -> str:
-    """Make a name for records from that of the folder, of letters, digits, `-` and `_`."""
-    folder = view_set.resolve()
-    name = folder.stem if folder.suffix in (".npz", ".json") and folder.is_file() else folder.name
+    """Make a name for records from that of the folder, or of an archive, of letters, digits, `-` and `_`."""
+    place = view_set.resolve()
+    if place.is_file() and place.suffix == ".json":
+        place = place.parent
+    name = place.stem if place.is_file() and place.suffix == ".npz" else place.name
     return re.sub(r"[^A-Za-z0-9_-]+", "-", name).strip("-") or "view-set"
 
 

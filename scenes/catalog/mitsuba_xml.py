@@ -7,6 +7,7 @@ Trust: Mitsuba reads every file that the XML names, anywhere on the disk, in a s
 """
 
 import os
+import re
 import xml.etree.ElementTree as ET
 from contextlib import suppress
 from pathlib import Path
@@ -268,9 +269,14 @@ def _parsed(file: Path) -> ET.Element:
     if b"<!DOCTYPE" in plain or b"<!ENTITY" in plain:
         raise InputError(f"{file}: declares a document type or entities, which no scene needs; remove them")
     try:
-        return ET.fromstring(data)
+        root = ET.fromstring(data)
     except (ET.ParseError, ValueError) as error:
         raise InputError(f"{file}: not well-formed XML ({error})") from error
+    if root.get("version", "").startswith(("0.", "1.")):  # Mitsuba renames as well: maxDepth is max_depth
+        for element in root.iter():
+            if element.tag != "default" and (name := element.get("name")):
+                element.set("name", re.sub("(?<=[a-z])[A-Z]+", lambda capitals: f"_{capitals[0].lower()}", name))
+    return root
 
 
 def _floats(text: str) -> np.ndarray:

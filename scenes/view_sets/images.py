@@ -138,7 +138,7 @@ def _opened(file: Path, complete: bool = True) -> Iterator[Any]:
         raise InputError(f"{file}: this image is missing")
     if file.stat().st_size == 0:
         raise InputError(f"{file}: this image file is empty; get it again")
-    if complete and file.suffix.lower() == ".png":
+    if complete:
         _check_png(file)
     config = oiio.ImageSpec()
     config.attribute(STRAIGHT, 1)  # leave straight alpha as it is stored
@@ -164,10 +164,13 @@ def _opened(file: Path, complete: bool = True) -> Iterator[Any]:
 
 
 def _check_png(file: Path) -> None:
-    """Raise `InputError` unless the chunks of the PNG are complete; libpng would also print to the terminal."""
-    data = file.read_bytes()
-    if data[:8] != b"\x89PNG\r\n\x1a\n":
-        raise InputError(f"{file}: not an image that can be read (no PNG signature)")
+    """Raise `InputError` unless the chunks of a PNG, by its contents, are complete; libpng would also print to the
+    terminal.
+    """
+    with file.open("rb") as handle:
+        if handle.read(8) != (signature := b"\x89PNG\r\n\x1a\n"):
+            return
+        data = signature + handle.read()
     start = 8
     while start + 12 <= len(data):
         length = int.from_bytes(data[start : start + 4], "big")

@@ -98,12 +98,14 @@ LEAST_SPREAD = 1e-4
 """The minimum eigenvalue of the mean projector across the views: cameras of one direction have no common point."""
 LEAST_NEAR = 0.02
 """The minimum of near / far, for a camera in the box or close to it."""
+FEWEST = 10
+"""The smallest number of views of which a tenth can be held out."""
 
 
 def nine_to_one(count: int, file: Path, remedy: str) -> tuple[list[int], list[int]]:
     """Return the indices of nine tenths of the views, evenly spread, for training, and of the others."""
     train = math.ceil(count * 0.9)
-    if train == count:
+    if count < FEWEST:
         raise InputError(f"{file}: {count} views without splits are too few to hold any out for testing; {remedy}")
     chosen = np.linspace(0, count - 1, train, dtype=int).tolist()
     return chosen, sorted(set(range(count)) - set(chosen))

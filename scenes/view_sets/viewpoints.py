@@ -16,7 +16,8 @@ SPLITS: tuple[Split, ...] = ("train", "val", "test")
 
 Z_AXIS = np.array([0.0, 0.0, 1.0])
 FOV_X_RADIANS = 0.6911112070083618
-LEAST_FIELD_OF_VIEW = math.radians(0.1)
+LEAST_FIELD_OF_VIEW, MOST_FIELD_OF_VIEW = math.radians(0.1), math.radians(175.0)
+"""Beyond these an angle in degrees or a focal length in widths was given; a circular fisheye's pinhole has 171°."""
 RADIUS = float(np.hypot(4.0, 0.5))
 TILT = float(np.arctan2(0.5, 4.0))
 """The elevation of the original rig at rest (7.125°), by which random elevations are raised."""
@@ -93,11 +94,13 @@ def look_at(origin: np.ndarray, target: np.ndarray, up: np.ndarray = Z_AXIS) -> 
 
 
 def check_field_of_view(radians: float, where: str) -> None:
-    """Raise `InputError` unless it lies between `LEAST_FIELD_OF_VIEW` and 180°; `where` names its source."""
-    if not LEAST_FIELD_OF_VIEW <= radians < math.pi:
+    """Raise `InputError` unless it lies between `LEAST_FIELD_OF_VIEW` and `MOST_FIELD_OF_VIEW`; `where` names its
+    source.
+    """
+    if not LEAST_FIELD_OF_VIEW <= radians <= MOST_FIELD_OF_VIEW:
         raise InputError(
-            f"{where}: the field of view is {math.degrees(radians):g}°; it must lie between "
-            f"{LEAST_FIELD_OF_VIEW:.4f} and π, that is from 0.1° to less than 180°"
+            f"{where}: the field of view is {math.degrees(radians):g}°; it must lie between 0.1° and 175°: give an "
+            "angle in radians, a focal length in pixels of the pictures"
         )
 
 

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from scenes.files.errors import InputError
 from scenes.view_sets.view_set import read_view_set
@@ -93,6 +94,10 @@ READ: dict[str, Spoil] = {
     "grey with alpha": every_image(lambda file: file.write_bytes(GREY_WITH_ALPHA)),
     "a palette with alpha": every_image(lambda file: file.write_bytes(PALETTE)),
     "bytes behind the image": every_image(lambda file: file.write_bytes(file.read_bytes() + b"x" * 99)),
+    "JPEG that is named PNG": lambda folder: [
+        nerfstudio()(folder),
+        every_image(lambda file: Image.open(file).convert("RGB").save(file, "JPEG"))(folder),
+    ],
     "without a centre": nerfstudio(lambda data: [data.pop(name) for name in ("cx", "cy")]),
     "without a model": nerfstudio(lambda data: data.pop("camera_model")),
     "with depth maps": nerfstudio(depth_file_path="depth/0.png"),
@@ -123,7 +128,11 @@ REFUSED: dict[str, tuple[Spoil, str]] = {
     "a focal length as text": (lens(fl_x="30 px"), "got `str` - at `$.fl_x`"),
     "a frame's own focal length": (nerfstudio(fl_x=90.0), "fl_x is 90.0, and 33.3"),
     "a frame's own size": (nerfstudio(w=12, h=12), "w is 12.0, and 24.0 for all frames"),
-    "a centre outside": (lens(cx=500), "no pinhole fits into this lens"),
+    "a centre outside": (lens(cx=500), "cx 500, cy 12 is far from the middle of 24 × 24 pixels; size, focal length"),
+    "the size of the originals": (lens(w=96, h=96), "cx 12, cy 12 is far from the middle of 96 × 96 pixels"),
+    "the lens of the originals": (lens(cx=48, cy=48, fl_x=133.2, fl_y=133.2), "far from the middle of 24 × 24"),
+    "a focal length in widths": (lens(w=100, h=100, cx=50, cy=50, fl_x=1.2, fl_y=1.2), "focal length in pixels"),
+    "a size in widths": (lens(w=0.3), "frame 0: w is 0.3 and h 24.0; give the size in pixels"),
     "the size of other images": (lens(w=2 * SIZE), "24 × 24 pixels, its camera has 48 × 24"),
     "a name from right to left": (nerfstudio(file_path="train/\u202e0_r.png"), "no image"),
     "a split of nothing": (lens(train_filenames=["x.png"], test_filenames=["train/r_0.png"]), NO_IMAGE),

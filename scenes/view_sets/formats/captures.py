@@ -45,8 +45,11 @@ OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
 def sparse_folder(path: Path) -> Path | None:
-    """Return the folder of COLMAP's reconstruction under `path`, if there is one."""
-    places = (path / "sparse" / "0", path / "sparse", path / "colmap" / "sparse" / "0", path)
+    """Return the folder of COLMAP's reconstruction under `path`, if there is one; of several, the first by number."""
+    places = [path]
+    for root in (path / "colmap" / "sparse", path / "sparse"):
+        models = (model for model in root.glob("*") if model.name.isdecimal())
+        places[:0] = [*sorted(models, key=lambda model: int(model.name)), root]
     return next((place for place in places for end in ("bin", "txt") if (place / f"cameras.{end}").is_file()), None)
 
 
@@ -179,8 +182,11 @@ def _cameras(file: Path) -> Iterator[tuple[int, Lens]]:
     if file.suffix == ".txt":
         for where, line in _lines(file):
             with _undamaged(file, where):
-                number, model, width, height, *words = line.split()
-                lens = _lens(file, int(number), model, int(width), int(height), [float(word) for word in words])
+                number, model, *words = line.split()
+                width, height, *values = map(float, words)
+                if width % 1 or height % 1:
+                    raise ValueError("a size is not a number of pixels")
+                lens = _lens(file, int(number), model, int(width), int(height), values)
             yield int(number), lens
         return
     data = _bytes(file)

@@ -14,11 +14,11 @@ import numpy as np
 from scenes.files.errors import InputError, short
 from scenes.view_sets.formats import captures, nerfstudio
 from scenes.view_sets.formats.nerfstudio import read_nerfstudio
-from scenes.view_sets.formats.transforms import Frames, Listing, read_listing, transforms_file
+from scenes.view_sets.formats.transforms import Frames, Listing, lists_nothing, read_listing, transforms_file
 from scenes.view_sets.images import header
 from scenes.view_sets.manifest import NAME as MANIFEST
 from scenes.view_sets.pixels import straight_at, straight_from_premultiplied
-from scenes.view_sets.source import Region, Source, nine_to_one, region_in
+from scenes.view_sets.source import FEWEST, Region, Source, nine_to_one, region_in
 from scenes.view_sets.viewpoints import SPLITS, check_field_of_view, rigid
 
 TRAINED = 100
@@ -191,13 +191,17 @@ KNOWN = (
 
 
 def read_blender(folder: Path) -> Source:
-    """Return the source of a folder in the Blender format, whose listings are read when they are needed."""
+    """Return the source of a folder in the Blender format. The listings of a set with a manifest are read when they are
+    needed; of others, an empty one is a missing one, and test views that are not listed are found as by nerfstudio.
+    """
 
     @cache
     def listing(split: str) -> Listing:
         return read_listing(transforms_file(folder, split))
 
     def frames(split: str) -> Frames | None:
+        if split in chosen:
+            return chosen[split]
         return None if split == "val" and split not in there else listing(split).frames
 
     def of(file: Path) -> Listing:
@@ -214,9 +218,23 @@ def read_blender(folder: Path) -> Source:
         return of(file).read(file, channels, width)
 
     there = [split for split in SPLITS if transforms_file(folder, split).exists()]
-    notes = () if (folder / MANIFEST).exists() else tuple(listing(there[0]).notes)
+    chosen: dict[str, Frames | None] = {}
+    notes: list[str] = []
+    if not (folder / MANIFEST).exists():
+        there = [split for split in there if split == "train" or not lists_nothing(transforms_file(folder, split))]
+        notes += dict.fromkeys(note for split in there for note in listing(split).notes)
+        if there == ["train", "val"]:
+            chosen = {"val": None, "test": listing("val").frames}
+            notes.append("There are no test views: the val views are the test views.")
+        elif there == ["train"] and len((views := listing("train").frames).files) >= FEWEST:
+            train, test = nine_to_one(len(views.files), folder, "list test views")
+            chosen = {"train": views.of(train), "test": views.of(test)}
+            split = f"{len(train)} of {len(views.files)} views, evenly spread, train, the others test"
+            notes.append(f"There are no test views: {split}.")
     name = folder.resolve().name
-    return Source(name, frames, pixels, lambda file: of(file).size(file), BLENDER_REGION, notes, bounds_assumed=True)
+    return Source(
+        name, frames, pixels, lambda file: of(file).size(file), BLENDER_REGION, tuple(notes), bounds_assumed=True
+    )
 
 
 def source_of(path: Path) -> Source:

@@ -32,6 +32,8 @@ MODELS = {
 NAMES = tuple(name for name, _ in MODELS.values())
 SAME = 1e-4
 """The distance in pixels below which two lenses show the same picture."""
+LEAST_CENTRED, CENTRED = 0.1, 0.5
+"""The share of a picture about its axis below which the numbers of a lens are those of another size, or may be."""
 LONGEST, SHORTEST = 16.0, 0.25
 """The range of the search for a pinhole, in focal lengths of its lenses."""
 SUPERSAMPLED = 2
@@ -90,6 +92,19 @@ class Lens:
     def fov_x_radians(self) -> float:
         """The horizontal field of view without distortion, about a centred axis."""
         return 2.0 * math.atan(0.5 * self.width / self.fx)
+
+    @property
+    def centred(self) -> float:
+        """The share of the picture of the largest part whose middle is the axis; 0 or less if the axis lies outside."""
+        across, down = (2.0 * min(at, side - at) / side for at, side in ((self.cx, self.width), (self.cy, self.height)))
+        return min(across, down, across * down)
+
+    @property
+    def told(self) -> str:
+        """The lens in words."""
+        distortion = (*self.radial, *self.divisor, *self.tangential, *self.prism, self.omega)
+        numbers = " ".join(f"{number:.6g}" for number in distortion if number)
+        return f"a lens of {self.width} × {self.height} pixels, focal length {self.fx:.6g}, distortion {numbers}"
 
     def scaled(self, width: int, height: int) -> "Lens":
         """Return the lens of the same pictures at another size."""
@@ -166,8 +181,10 @@ def common_pinhole(lenses: Iterable[Lens], where: str) -> Lens:
     else:
         focals = [focal for lens in several for focal in (lens.fx, lens.fy)]
         narrow, wide = LONGEST * max(focals), SHORTEST * min(focals)
+        if (worst := min(several, key=lambda lens: lens.centred)).centred < LEAST_CENTRED:
+            raise InputError(f"{where}: {_off_centre(worst)}")
         if unfit := [lens for lens in several if not lens.holds(Lens.pinhole(width, height, narrow))]:
-            raise InputError(f"{where}: no pinhole fits into this lens ({unfit[0]}); undistort the pictures")
+            raise InputError(f"{where}: no pinhole fits into {unfit[0].told}; correct it or undistort the pictures")
         for _ in range(60):
             middle = 0.5 * (narrow + wide)
             fits = all(lens.holds(Lens.pinhole(width, height, middle)) for lens in several)
@@ -177,6 +194,13 @@ def common_pinhole(lenses: Iterable[Lens], where: str) -> Lens:
     return pinhole
 
 
+def _off_centre(lens: Lens) -> str:
+    return (
+        f"the axis at cx {lens.cx:.6g}, cy {lens.cy:.6g} is far from the middle of {lens.width} × {lens.height} "
+        "pixels; size, focal length, cx and cy must be those of the same copies of the pictures"
+    )
+
+
 def resampling_note(lenses: Iterable[Lens], pinhole: Lens) -> list[str]:
     """Return what the user must know of the resampling, if there is any."""
     several = list(dict.fromkeys(lenses))
@@ -184,11 +208,13 @@ def resampling_note(lenses: Iterable[Lens], pinhole: Lens) -> list[str]:
         return []
     least = 100.0 * min(lens.kept(pinhole) for lens in several)
     angles = (math.degrees(2.0 * math.atan(0.5 * size / pinhole.fx)) for size in (pinhole.width, pinhole.height))
-    return [
+    notes = [
         f"Distortion, off-centre axes and different lenses are undone: pictures are resampled to one pinhole of "
         f"{pinhole.fx:.6g} pixels at {pinhole.width}, {' × '.join(f'{angle:.1f}°' for angle in angles)}, which shows "
         f"{least:.0f} % of a picture at least."
     ]
+    worst = min(several, key=lambda lens: lens.centred)
+    return [*notes, f"{_off_centre(worst).capitalize()}."] if worst.centred < CENTRED else notes
 
 
 def looked_into(files: Sequence[Path]) -> tuple[int, list[str]]:

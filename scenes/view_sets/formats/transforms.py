@@ -4,6 +4,7 @@
 
 import json
 import math
+import posixpath
 import unicodedata
 from dataclasses import dataclass
 from pathlib import Path
@@ -137,6 +138,12 @@ def read_transforms(folder: Path, split: str) -> Frames:
     return read_listing(transforms_file(folder, split)).frames
 
 
+def lists_nothing(file: Path) -> bool:
+    """Return whether a listing has no frames, as some programs write for a split without views."""
+    content = read_json(file)
+    return isinstance(content, dict) and content.get("frames") == []
+
+
 def read_listing(file: Path) -> Listing:
     """Read a file and check it: every image exists inside the folder and is listed once, and a pinhole fits into all
     lenses.
@@ -232,24 +239,27 @@ def _refuse(constant: str) -> float:
 
 
 def image_file(folder: Path, path: str, where: str) -> Path:
-    """Return the existing file of a frame's path, whose suffix may be missing or differ in case.
+    """Return the existing file of a frame's path, whose suffix may be missing, differ in case, or be that of the
+    picture from which a cut-out of the same name was made.
 
     Raises `InputError` if it leads out of the folder, also by a link.
     """
     if not path or "\0" in path:
         raise InputError(f"{where}: file_path is {shown(path)}; it must be a path inside {folder}")
     root = folder.resolve()
-    relative = path.replace("\\", "/")
+    relative = posixpath.normpath(path.replace("\\", "/"))
     for place in (root, folder.absolute()):  # a folder that is itself reached by a link
         relative = relative.removeprefix(f"{place.as_posix()}/")
     if relative.startswith("/") or ":" in relative.split("/")[0] or ".." in relative.split("/"):
         raise InputError(f"{where}: file_path {shown(path)} leaves the folder; paths must stay inside {folder}")
     named = root / relative
+    places = [named]
+    if relative.startswith(f"{IMAGES}/") and not (root / IMAGES).is_dir():  # as in COLMAP's names, too
+        places += [place / relative.removeprefix(f"{IMAGES}/") for place in (root, *smaller_copies(root))]
+    complete = [place for place in places if place.suffix.lower() in SUFFIXES]
     try:
-        candidates = [named, *(named.with_name(named.name + suffix) for suffix in SUFFIXES)]
-        if relative.startswith(f"{IMAGES}/") and not (root / IMAGES).is_dir():
-            candidates += [smaller / relative.removeprefix(f"{IMAGES}/") for smaller in smaller_copies(root)]
-        file = next((file.resolve() for file in candidates if file.is_file()), None) or _in_other_case(candidates)
+        file = _found([*places, *(place.with_name(place.name + suffix) for place in places for suffix in SUFFIXES)])
+        file = file or _found([place.with_suffix(suffix) for place in complete for suffix in SUFFIXES])
     except (OSError, ValueError) as error:  # a name too long, a loop of links
         raise InputError(f"{where}: file_path {shown(path)} cannot be followed ({error})") from error
     if file is None:
@@ -265,11 +275,15 @@ def smaller_copies(folder: Path) -> list[Path]:
     return sorted((place for place, factor in places.items() if factor.isdecimal()), key=lambda each: int(places[each]))
 
 
-def _in_other_case(candidates: list[Path]) -> Path | None:
-    """Return the only file next to the candidates that has one's name apart from case and encoding of accents."""
+def _found(candidates: list[Path]) -> Path | None:
+    """Return the first candidate that is there, else the only file next to them that has one's name apart from case and
+    encoding of accents.
+    """
+    if file := next((file for file in candidates if file.is_file()), None):
+        return file.resolve()
     names = {unicodedata.normalize("NFC", candidate.name).lower() for candidate in candidates}
-    folder = candidates[0].parent
-    neighbours = folder.iterdir() if folder.is_dir() else ()
+    folders = {candidate.parent for candidate in candidates if candidate.parent.is_dir()}
+    neighbours = (file for folder in folders for file in folder.iterdir())
     matches = [
         file for file in neighbours if unicodedata.normalize("NFC", file.name).lower() in names and file.is_file()
     ]
@@ -299,6 +313,10 @@ def _lens(camera: Camera, image: Path, where: str) -> tuple[Lens | None, list[st
     if not any(values.values()) and (camera.fl_x, camera.cx, camera.cy, camera.camera_angle_y) == (None,) * 4:
         return None, []
     width, height = round(camera.w or header(image).width), round(camera.h or header(image).height)
+    if min(width, height) < 1:
+        raise InputError(
+            f"{where}: w is {shown(camera.w)} and h {shown(camera.h)}; give the size in pixels, or neither"
+        )
     fx = camera.fl_x
     if fx is None:
         assert angle is not None

@@ -91,10 +91,13 @@ def test_options_change_what_they_name_and_nothing_else(ball_folder: Path) -> No
     ("folder", "name"),
     [
         ("nerf_synthetic/lego", "lego"), ("my views!", "my-views"), ("a.b", "a-b"), ("Зонт", "view-set"),
-        ("..scene..", "scene"), ("/", "view-set"),
+        ("..scene..", "scene"), ("/", "view-set"), ("chair/transforms.json", "chair"), ("x/fern.npz", "fern"),
     ],
 )  # fmt: skip
 def test_a_view_sets_name_is_fit_for_a_file_name(folder: str, name: str, tmp_path: Path) -> None:
+    if Path(folder).suffix in (".json", ".npz"):
+        (tmp_path / folder).parent.mkdir()
+        (tmp_path / folder).touch()
     assert scene_name_of(tmp_path / folder) == name
 
 

@@ -85,6 +85,17 @@ def test_the_depth_of_light_paths(tmp_path: Path, value: str, depth: int) -> Non
     assert xml_scene(written(tmp_path, {"top.xml": text}), "mine").max_depth == depth
 
 
+@pytest.mark.parametrize("version", ["0.5.0", "0.6.0", "1.0"])
+def test_names_before_mitsuba_2_are_those_of_today(tmp_path: Path, version: str) -> None:
+    fog = '<medium type="homogeneous"><rgb name="sigmaT" value="1 2 3"/><float name="intIOR" value="1.5"/></medium>'
+    path = '<default name="maxDepth" value="3"/><integrator><integer name="maxDepth" value="$maxDepth"/></integrator>'
+    file = written(tmp_path, {"top.xml": BALL + fog + path})
+    file.write_text(file.read_text().replace("3.0.0", version))
+    scene = xml_scene(file, "mine")
+    assert scene.max_depth == 3
+    assert scene.build()["file"]["part 2"] == {"type": "homogeneous", "sigma_t": [1.0, 2.0, 3.0], "int_ior": 1.5}
+
+
 @pytest.mark.parametrize(
     ("transform", "up"),
     [

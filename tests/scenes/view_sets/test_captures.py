@@ -242,10 +242,11 @@ REFUSED: dict[str, tuple[Callable[[Path], Any], str]] = {
         "leaves the folder",
     ),
     "a word": (lambda f: broken(f, "cameras.txt", lambda text: text.replace(" 24", " wide", 1)), "line 2, .*damaged"),
+    "part of a pixel": (lambda f: broken(f, "cameras.txt", lambda text: text.replace(" 24", " 24.5", 1)), "damaged"),
     "no points": (lambda f: broken(f, "points3D.txt", lambda text: "1 nan 0 0\n"), "points3D.txt: a point is NaN"),
     "a folding lens": (
-        lambda f: broken(f, "cameras.txt", lambda text: "7 SIMPLE_RADIAL 24 24 30.0 -90.0 12.0 0.0\n"),
-        "no pinhole fits",
+        lambda f: broken(f, "cameras.txt", lambda text: "7 SIMPLE_RADIAL 24 24 30.0 12.0 12.0 -900.0\n"),
+        "no pinhole fits into a lens of 24 × 24 pixels, focal length 30, distortion -900; correct it or undistort",
     ),
     "another shape": (
         lambda f: write_png(f / "images" / "v 03.png", np.zeros((12, 24, 4))),
@@ -272,6 +273,10 @@ AS_OTHERS_WRITE: dict[str, Callable[[Path], object]] = {
     ),
     "a byte order mark": lambda f: broken(f, "cameras.txt", lambda text: "\ufeff" + text),
     "hidden files": lambda f: (f / "images" / ".DS_Store").write_bytes(b"x"),
+    "names with the folder": lambda f: broken(f, "images.txt", lambda text: text.replace("v 0", "images/v 0")),
+    "names of the photographs": lambda f: broken(f, "images.txt", lambda text: text.replace(".png", ".JPG")),
+    "another number of the model": lambda f: (f / "sparse" / "0").rename(f / "sparse" / "1"),
+    "sizes with a point": lambda f: broken(f, "cameras.txt", lambda text: text.replace(" 24 24 ", " 24.0 24.0 ")),
     "smaller copies only": lambda f: (f / "images").rename(f / "images_4").with_name("images_8").mkdir(),
     "rounded to three decimals": lambda f: broken(f, "images.txt", lambda text: re.sub(r"(\.\d{3})\d+", r"\1", text)),
 }

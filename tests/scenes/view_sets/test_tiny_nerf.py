@@ -75,6 +75,7 @@ def pickled(file: Path) -> None:
         (lambda file: tiny(file, focal=None), "no array 'focal'"),
         (lambda file: tiny(file, focal=np.array([1.0, 2.0])), "focal must be one"),
         (lambda file: tiny(file, focal=np.array(-1.0)), "focal must be one"),
+        (lambda file: tiny(file, focal=np.array(0.01)), "focal 0.01: the field of view is 17.*in pixels"),
         (lambda file: tiny(file, focal=np.array(np.nan)), "focal holds NaN"),
         (lambda file: tiny(file, poses=np.zeros((12, 3, 4))), "poses is"),
         (lambda file: tiny(file, poses=np.zeros((12, 4, 4))), "pose 0"),

@@ -42,8 +42,12 @@ def test_what_is_written_is_read(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "path", ["train/r_0", "./train/r_0.png", "train//r_0.png", "train\\r_0", "train/R_0.PNG", "{folder}/train/r_0"]
-)
+    "path",
+    [
+        "train/r_0", "./train/r_0.png", "train//r_0.png", "train\\r_0", "train/R_0.PNG", "{folder}/train/r_0",
+        "./train/../train/r_0.png", "train/r_0.jpg", "train/R_0.JPG", "images/train/r_0.png", "./images/train/r_0.jpg",
+    ],
+)  # fmt: skip
 def test_paths_with_and_without_suffix(folder: Path, path: str) -> None:
     edit(folder, lambda data: data["frames"][0].update(file_path=path.format(folder=folder.resolve())))
     assert read_transforms(folder, "train").files[0] == (folder / "train" / "r_0.png").resolve()
@@ -81,6 +85,7 @@ def test_a_lens_may_be_distorted_off_centre_and_oblong(folder: Path) -> None:
     assert lens == Lens(400, 400, 500.0, 505.0, 203.0, 198.0, (0.1, -0.2, 0.0, 0.0), (), (0.01, 0.02))
     assert read.pinhole == common_pinhole([lens], "here")
     assert "pictures are resampled to one pinhole" in read.notes[0]
+    assert len(read.notes) == 1
     flat = dict.fromkeys(("k1", "k2", "p1", "p2"))
     # nerfstudio's list, and what its OPENCV and FULL_OPENCV do with k4
     (lens,) = set(listing(folder, **flat, distortion_params=[0.1, 0.2, 0.3, 0.4, 0.01, 0.02]).lenses.values())
@@ -92,6 +97,14 @@ def test_a_lens_may_be_distorted_off_centre_and_oblong(folder: Path) -> None:
     assert (lens.radial, lens.divisor) == ((), (0.4, 0.0, 0.6))
     flat |= {"camera_model": None, "k4": None, "k6": None}
     assert all(lens and lens.is_fisheye for lens in listing(folder, **flat, is_fisheye=True).lenses.values())
+
+
+def test_an_axis_far_from_the_middle_is_named(folder: Path) -> None:
+    """As of a lens of pictures half as large; a fourth as large is refused (`tests/hostile`)."""
+    read = listing(folder, w=800, h=600, fl_x=500.0, cx=203.0, cy=152.0, camera_angle_x=None)
+    assert read.notes[1].startswith(
+        "The axis at cx 203, cy 152 is far from the middle of 800 × 600 pixels; size, focal"
+    )
 
 
 def test_sizes_that_are_not_given_are_those_of_the_pictures(folder: Path) -> None:

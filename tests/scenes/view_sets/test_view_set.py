@@ -18,7 +18,7 @@ from scenes.view_sets.manifest import DamagedViewSet, note, salvaged, write_mani
 from scenes.view_sets.pixels import area_average, decode_srgb, over_white
 from scenes.view_sets.view_set import ViewSet, read_view_set
 from scenes.view_sets.viewpoints import FOV_X_RADIANS, all_poses, camera_to_world
-from tests.scenes.captures import flip
+from tests.scenes.captures import edit, flip
 
 
 def test_round_trip(stored_once: Path) -> None:
@@ -103,6 +103,35 @@ def test_a_folder_of_the_field_is_read(foreign: Path) -> None:
     assert result.test.names == tuple(f"test/r_{n}" for n in range(8))
     assert np.array_equal(result.train.camera_to_world, all_poses("train")[:5])
     assert np.abs(result.train.rgba[2] * 255 - np.array(Image.open(foreign / "train/r_2.png"))).max() < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("listed", "read", "said"),
+    [
+        ({"train": 12}, [11, 0, 1], "11 of 12 views, evenly spread, train"),
+        ({"train": 5, "val": 0, "test": 3}, [5, 0, 3], ""),
+        ({"train": 12, "val": 2}, [12, 0, 2], "the val views are the test views"),
+        ({"train": 12, "val": 0, "test": 0}, [11, 0, 1], "11 of 12 views, evenly spread, train"),
+    ],
+)
+def test_listings_that_are_empty_or_missing(tmp_path: Path, listed: dict[str, int], read: list[int], said: str) -> None:
+    for split, count in listed.items():
+        for number in range(count):
+            write_png(tmp_path / f"{split}_{number}.png", np.full((4, 4, 4), 0.5))
+        paths = [f"./{split}_{number}" for number in range(count)]
+        poses = all_poses("test")[10 * len(split) :][:count]
+        write_transforms(tmp_path / f"transforms_{split}.json", FOV_X_RADIANS, paths, poses)
+    result = read_view_set(tmp_path)
+    assert [len(split.names) for split in (result.train, result.val, result.test)] == read
+    assert said in " ".join(result.notes)
+    assert bool(said) == bool(result.notes)
+
+
+def test_what_was_assumed_is_said_of_every_listing(foreign: Path) -> None:
+    edit(foreign, lambda data: data["frames"][2].update(time=0.5), "transforms_test.json")
+    assert read_view_set(foreign).notes == (
+        "Frames have different times: they are read as one scene that does not move.",
+    )
 
 
 @pytest.mark.parametrize("size", [40, 20, 17, 1])
