@@ -308,6 +308,10 @@ def test_a_guess_of_psnr_is_stated(tmp_path: Path) -> None:
         (r"27.1{\tiny +0.4}", 27.1),
         (r"27.12 {\footnotesize 0.31}", 27.12), (r"$2.1\times 10^{-3}$", 0.0021), (r"\va", None),
         (r"$27.31_{\pm 0.12}$", 27.31), (r"27.31\std{.12}", 27.31), (r"\colorbox{red!30}{27.31}", 27.31),
+        (r"\phantom{1}9.12", 9.12), (r"$\hphantom{-}9.12$", 9.12), (r"\phantom{\textbf{1}}{\bf 9.12}", 9.12),
+        (r"\hspace*{2pt}{\bf 9.12}", 9.12), (r"\makebox[1em][r]{9.12}", 9.12), (r"\hskip 1em 9.12", 9.12),
+        (r"\;9.12\!", 9.12), (r"33.5$_{\color{red}+0.5}$", 33.5), (r"\underline{33.5}$_{\textcolor{red}{+0.5}}$", 33.5),
+        (r"33.5$^{\textcolor{red}{+0.5}}$", 33.5), (r"33.5{\tiny\textcolor{red}{+0.5}}", 33.5),
         ("27.12 ↑0.4", 27.12), ("27.12 [26.9, 27.7]", 27.12), ('<span style="color:red">25.71</span>', 25.71),
     ],
 )  # fmt: skip
@@ -322,6 +326,7 @@ def test_marks_do_not_change_a_number(cell: str, value: float | None) -> None:
         ("[3DGS](https://example.org)", "3DGS"), (r"F$^2$-NeRF", "F2-NeRF"), (r"\rotatebox{90}{garden}", "garden"),
         (r"\rule{0pt}{2.5ex}Ours", "Ours"), (r"\diagbox{Scene}{Method}", "Scene / Method"), (r"\ours", "ours"),
         (r"\rowcolor[gray]{.9}[0pt][0pt] Ours", "Ours"), ("scene_01_psnr", "scene_01_psnr"), ("NeRF[^1]", "NeRF"),
+        (r"\makecell{Mip\\*[2pt] 360}", "Mip 360"), (r"Mip-NeRF 360$_{large}$", "Mip-NeRF 360_large"),
     ],
 )  # fmt: skip
 def test_names_are_read_without_their_marks(cell: str, name: str) -> None:
