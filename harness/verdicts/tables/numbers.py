@@ -40,7 +40,7 @@ DROPPED = re.compile(
 )
 """LaTeX commands that are not part of a cell, with their arguments."""
 FIRST_DROPPED = re.compile(
-    r"\\(?:cellcolor|rowcolor|color|textcolor|colorbox|rotatebox|scalebox|raisebox|SetCell|[hv]?phantom|[hv]space)"
+    r"\\(?:cellcolor|rowcolor|color|textcolor|colorbox|rotatebox|scalebox|raisebox|SetCell|Block|[hv]?phantom|[hv]space)"
     rf"\*?(?:\[[^\]]*\])*{BRACED}(?:\[[^\]]*\])*|\\(?:[hv]skip|kern)\s*-?[\d.]+\s*[a-z]{{2}}"
 )
 """LaTeX commands whose first argument is not part of the cell, nor the first two of `FRAME` and `MULTIROW`."""

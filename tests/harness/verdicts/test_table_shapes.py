@@ -125,6 +125,14 @@ SHAPES: dict[str, tuple[str, str]] = {
     "Excel's mark": ("t.csv", "sep=;\n" + csv(("Method", SCENES), *rows(), mark=";")),
     "bold in CSV": ("t.csv", csv(("Method", SCENES), *((n, [f"**{v[0]}**", *v[1:]]) for n, v in rows()))),
     "long table": ("t.tex", latex(amp("Method", SCENES), *(amp(*row) for row in rows()), kind="longtable")),
+    "row ends with stars and skips": ("t.tex", latex(amp("Method", SCENES), *(amp(*row) for row in rows()))
+                                      .replace("\\\\", r"\\*[2pt]% a rule", 3)),
+    "row ends by name": ("t.tex", latex(amp("Method", SCENES), *(amp(*row) for row in rows())).replace(
+        "\\\\", r"\tabularnewline")),
+    "cells of several lines": ("t.tex", latex(amp(r"\begin{tabular}[c]{@{}l@{}}\\Method\end{tabular}", SCENES), *(
+        amp(*row) for row in rows())).replace("360", r"\begin{tabular}[c]{@{}c@{}}\\ 360\end{tabular}")),
+    "NiceTabular": ("t.tex", latex(amp("Method", [r"\Block{1-1}{" + scene + "}" for scene in SCENES]), *(
+        amp(*row) for row in rows()), kind="NiceTabular").replace("}}\n", "}}[hvlines]\n", 1)),
     "lowered spreads": ("t.tex", latex(amp("Method", SCENES), *wrapped("$", r"_{\pm 0.12}$"))),
     "raised marks": ("t.tex", latex(amp("Method", SCENES), *wrapped("", r"$^{1}$"))),
     "boxes": ("t.tex", latex(amp("Method", SCENES), *wrapped(r"\colorbox{red!30}{", "}"))),
