@@ -28,13 +28,16 @@ ASIDE = {
     "year", "venue", "publication", "params", "param", "parameters", "fps", "time", "times", "memory", "mem", "vram",
     "size", "gaussians", "points", "primitives", "storage", "steps", "step", "iterations", "iters", "rank", "gpu",
     "speed", "hours", "minutes", "seconds", "views", "images", "epochs", "best", "hardware", "width", "height",
-    "resolution", "downscale", "layers", "batch", "cost", "mb", "gb",
+    "resolution", "downscale", "layers", "batch", "cost", "mb", "gb", "flops", "mflops", "gflops", "tflops", "macs",
+    "gmacs", "latency", "throughput", "ratio", "cr", "bpp", "bitrate", "num", "number", "runtime", "speedup",
+    "iter",
 }  # fmt: skip
 """What a column is about that holds neither scenes nor scores."""
 WITH_ASIDE = {
-    "train", "training", "render", "rendering", "inference", "test", "model", "storage", "peak", "number", "num", "of",
-    "total", "optimization", "optimisation", "per", "scene", "disk", "in", "on", "the", "input", "avg", "average",
-    "mean", "min", "mins", "sec", "mb", "gb", "h", "s", "ms", "m", "k",
+    "train", "training", "tr", "render", "rendering", "rend", "inference", "inf", "test", "model", "peak", "of", "total",
+    "optimization", "optimisation", "opt", "encoding", "enc", "decoding", "dec", "compression", "comp", "per", "scene",
+    "disk", "in", "on", "the", "input", "avg", "average", "mean", "min", "mins", "sec", "h", "s", "ms", "m", "k", "gs",
+    "splats", "file", "ckpt", "run", "convergence",
 }  # fmt: skip
 """The words that may stand next to them."""
 UNITS = {"db", "s", "sec", "ms", "min", "mins", "h", "hr", "hrs", "mb", "gb", "kb", "m", "k", "%", "it/s"}

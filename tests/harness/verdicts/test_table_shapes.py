@@ -204,7 +204,9 @@ def test_names_are_names_whatever_words_they_hold(is_turned: bool, tmp_path: Pat
 
 
 @pytest.mark.parametrize(
-    "row", ["Std", "Rank", "Time (s)", "FPS", "Gain", "#views", "Median", "Max", "p-value", "Avg. PSNR", "Δ"]
+    "row",
+    ["Std", "Rank", "Time (s)", "FPS", "Gain", "#views", "Median", "Max", "p-value", "Avg. PSNR", "Δ", "Tr. time", "CR",
+     "GFLOPs", "Rend. FPS", "Num. GS", "Compression ratio"],
 )
 def test_rows_and_columns_of_statistics_are_left_out_and_named(row: str, tmp_path: Path) -> None:
     below = csv(("Method", SCENES), *rows(), (row, [1.5] * 6))
