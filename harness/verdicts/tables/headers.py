@@ -34,10 +34,10 @@ ASIDE = {
 }  # fmt: skip
 """What a column is about that holds neither scenes nor scores."""
 WITH_ASIDE = {
-    "train", "training", "tr", "render", "rendering", "rend", "inference", "inf", "test", "model", "peak", "of", "total",
-    "optimization", "optimisation", "opt", "encoding", "enc", "decoding", "dec", "compression", "comp", "per", "scene",
-    "disk", "in", "on", "the", "input", "avg", "average", "mean", "min", "mins", "sec", "h", "s", "ms", "m", "k", "gs",
-    "splats", "file", "ckpt", "run", "convergence",
+    "train", "training", "tr", "render", "rendering", "rend", "inference", "inf", "test", "model", "peak", "of",
+    "total", "optimization", "optimisation", "opt", "encoding", "enc", "decoding", "dec", "compression", "comp",
+    "per", "scene", "disk", "in", "on", "the", "input", "avg", "average", "mean", "min", "mins", "sec", "h", "s", "ms", "m", "k",
+    "gs", "splats", "file", "ckpt", "run", "convergence",
 }  # fmt: skip
 """The words that may stand next to them."""
 UNITS = {"db", "s", "sec", "ms", "min", "mins", "h", "hr", "hrs", "mb", "gb", "kb", "m", "k", "%", "it/s"}

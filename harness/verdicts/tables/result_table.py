@@ -190,7 +190,8 @@ def _averages(scenes: list[str], values: np.ndarray, by_value: bool = True) -> l
     """Return the scenes that are means of the others: by name, or, at either end of the table, by all their values if
     `by_value`; for methods, `values` is turned.
     """
-    named = [k for k, name in enumerate(scenes) if is_average(name)]
+    # a scene may have its data set before it
+    named = [k for k, name in enumerate(scenes) if any(map(is_average, name.split("/") if by_value else [name]))]
     weak = [k for k, name in enumerate(scenes) if may_be_average(name) and k not in named]
     others = [k for k in range(len(scenes)) if k not in named]
     if len(others) <= LEAST_AVERAGED or len(values) < 2:

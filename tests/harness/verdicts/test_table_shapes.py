@@ -403,8 +403,10 @@ def test_commas_are_decimal_marks_where_no_number_has_a_point(tmp_path: Path) ->
 
 
 def test_data_sets_divide_scenes(tmp_path: Path) -> None:
-    table = read(tmp_path, "t.csv", csv(("scene", ["method", "dataset", "psnr"]), *SPLIT))
-    assert {"a/bicycle", "b/bicycle"} <= set(table.scenes)
+    means = [(s, [m, data, 30]) for s, data in (("Avg.", "a"), ("Avg.", "b"), ("room", "mean")) for m in METHODS]
+    table = read(tmp_path, "t.csv", csv(("scene", ["method", "dataset", "psnr"]), *SPLIT, *means))
+    assert sorted(table.scenes) == sorted(f"{data}/{scene}" for data in "ab" for scene in SCENES)
+    assert table.read_as.endswith("left out as means of the others: a/Avg., b/Avg., mean/room")
 
 
 def test_a_missing_cell_does_not_hide_the_signs_of_pairs_that_have_all_scenes(tmp_path: Path) -> None:
