@@ -12,7 +12,8 @@ METHOD = ("method", "model", "algorithm", "approach", "method_name", "methods", 
 LOWER = {name for name, metric in METRICS.items() if not metric.higher_is_better}
 LOWER |= {"rmse", "mse", "mae", "fid", "kid", "dists", "chamfer", "dssim", "mlpips", "error", "err", "loss"}
 """The metrics that are better when lower, also as part of a name, as in `lpips_vgg`."""
-HIGHER = {"psnr", "ssim", "iou", "msssim", "mpsnr", "mssim", "accuracy", "f1"}
+HIGHER = {name for name, metric in METRICS.items() if metric.higher_is_better}
+HIGHER |= {"psnr", "ssim", "iou", "msssim", "mpsnr", "mssim", "accuracy", "f1"}
 KNOWN = {*METRICS, *LOWER, *HIGHER, "ms-ssim"} - {"error", "err", "loss"}
 INVERTED = re.compile(r"(?:1|one)\s*(?:[-−–]|[_ ]?minus[_ ]?)\s*|neg(?:ative)?[_ ]|inv(?:erse)?[_ ]")
 """The beginning of the name of a metric that is turned round, as in `1 - SSIM`."""
@@ -36,8 +37,8 @@ ASIDE = {
 WITH_ASIDE = {
     "train", "training", "tr", "render", "rendering", "rend", "inference", "inf", "test", "model", "peak", "of",
     "total", "optimization", "optimisation", "opt", "encoding", "enc", "decoding", "dec", "compression", "comp",
-    "per", "scene", "disk", "in", "on", "the", "input", "avg", "average", "mean", "min", "mins", "sec", "h", "s", "ms", "m", "k",
-    "gs", "splats", "file", "ckpt", "run", "convergence",
+    "per", "scene", "disk", "in", "on", "the", "input", "avg", "average", "mean", "min", "mins", "sec", "h", "s",
+    "ms", "m", "k", "gs", "splats", "file", "ckpt", "run", "convergence",
 }  # fmt: skip
 """The words that may stand next to them."""
 UNITS = {"db", "s", "sec", "ms", "min", "mins", "h", "hr", "hrs", "mb", "gb", "kb", "m", "k", "%", "it/s"}
@@ -72,6 +73,16 @@ SCENES = frozenset(
 )
 """The scenes of public data sets."""
 SCAN = re.compile(r"scan[ _]?\d+")
+DATA_SETS = frozenset(
+    word
+    for words in (
+        "blender nerfsynthetic syntheticnerf syntheticblender blendersynthetic mipnerf360 mip360 m360 nerf360",
+        "tankstemples tanktemple tnt tt deepblending db llff nerfllff llffnerf forwardfacing nsvf syntheticnsvf",
+        "nsvfsynthetic dtu replica scannet realestate10k re10k dl3dv shinyblender refnerf bungeenerf dnerf hypernerf",
+    )
+    for word in words.split()
+)
+"""The public data sets, as letters and digits."""
 
 
 def bare(name: str) -> str:
@@ -162,6 +173,12 @@ def is_average(name: str) -> bool:
 
 def may_be_average(name: str) -> bool:
     return bool({*words_of(bare(name))} & WEAK_AVERAGE)
+
+
+def is_data_set(name: str) -> bool:
+    """Return whether a name is that of a public data set: `Tanks & Temples`, `Mip-NeRF 360 avg`."""
+    words = (word for word in words_of(bare(name)) if word not in {*AVERAGE, "and", "the", "dataset"})
+    return re.sub(r"[^a-z0-9]", "", "".join(words)) in DATA_SETS
 
 
 def is_aside(name: str) -> bool:

@@ -3,7 +3,7 @@
 import math
 import re
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -19,6 +19,7 @@ from harness.verdicts.tables.headers import (
     bare,
     is_aside,
     is_average,
+    is_data_set,
     may_be_average,
     metric_of,
 )
@@ -84,8 +85,11 @@ def table_of(
     source = rows.source
     metrics = [name for name in rows.columns if name not in KEYS and is_column_of_numbers(rows.columns[name])]
     chosen = _choose(rows, metrics, metric)
-    if unknown := [name for name in lower if name.lower() not in rows.columns]:
-        raise InputError(f"--lower {unknown[0]}: no such column; metrics of the table: {', '.join(metrics)}")
+    for name in lower:
+        if name.lower() not in rows.columns:
+            raise InputError(f"--lower {name}: no such column; metrics of the table: {', '.join(metrics)}")
+        if name.lower() in HIGHER or (name.lower(), "↑") in rows.arrows:
+            raise InputError(f"--lower {name}: is better when higher (by its name or arrow); drop it, or rename it")
     of_rows = [_encode(rows, key) for key in ("method", "scene", "seed")]
     values = _values(rows, chosen, of_rows)
     spent = [_numbers(rows, name) for name in ("seconds", "core_seconds", "steps")]
@@ -109,7 +113,7 @@ def table_of(
     if len(kept_scenes) < 2:
         many = f"{len(kept_scenes)} scene{'s' * (len(kept_scenes) != 1)}"
         raise InputError(f"{source}: has {many} with results; the spread of scenes is not known below two")
-    higher, guess = _direction(chosen, {name.lower() for name in lower}, dict(rows.arrows))
+    higher, guess = _direction(rows, chosen, {name.lower() for name in lower})
     seconds, core_seconds, steps = ([_mean(each[of_rows[0].codes == k]) for k in kept] for each in spent)
     notes += _shared_cells(rows, of_rows)
     size = f"{len(kept)} methods × {len(kept_scenes)} scenes"
@@ -119,6 +123,8 @@ def table_of(
         for k in kept_scenes
         if bare(scenes[k]) in WEAK_AVERAGE
     ]
+    if of_data := ", ".join(scenes[k] for k in kept_scenes if is_data_set(scenes[k])):
+        notes.append(f"Means of data sets are taken for scenes, but vary less: {of_data}. Give results by scene.")
     means = [*rows.averages, *(scenes[k] for k in averages), *(names[k] for k in of_methods)]
     left_out = f"; left out as means of the others: {', '.join(means)}" if means else ""
     return ResultTable(
@@ -228,10 +234,13 @@ def _choose(rows: Rows, metrics: list[str], metric: str | None) -> str:
     return next((name for name in metrics if PRIMARY in name and "train" not in name), metrics[0])
 
 
-def _direction(metric: str, lower: set[str], arrows: Mapping[str, str]) -> tuple[bool, list[str]]:
-    """Return whether higher is better, and a note if that is a guess."""
-    if metric in lower or metric in arrows:
-        return metric not in lower and arrows.get(metric) != "↓", []
+def _direction(rows: Rows, metric: str, lower: set[str]) -> tuple[bool, list[str]]:
+    """Return whether higher is better, and a note if that is a guess; raises `InputError` for arrows of both kinds."""
+    arrows = {arrow for name, arrow in rows.arrows if name == metric}
+    if len(arrows) > 1:
+        raise InputError(f"{rows.source}: marks {metric} as ↑ and as ↓; correct one of the arrows")
+    if metric in lower or arrows:
+        return arrows == {"↑"}, []
     turned = INVERTED.match(metric)
     rest = metric[turned.end() :] if turned else metric
     parts = set(re.split(r"[\s_-]+", rest))

@@ -113,6 +113,14 @@ def test_which_way_is_better(tmp_path: Path) -> None:
     declared = direction("beauty", lower=["Beauty"])
     assert not declared.higher_is_better
     assert not any("--lower" in note for note in declared.notes)
+    for column, option in (("SSIM", "ssim"), ("beauty ↑", "Beauty"), ("lpips", "psnr")):
+        text = as_csv(tmp_path / "t.csv", [{**row, column: 0.5} for row in ROWS])
+        with pytest.raises(InputError, match=f"--lower {option}: is better when higher .*; drop it, or rename it"):
+            read_table([text], column.strip(" ↑"), lower=[option])
+    as_csv(tmp_path / "up.csv", [{**row, "beauty ↑": 1} for row in ROWS])
+    as_csv(tmp_path / "down.csv", [{**row, "seed": row["seed"] + 2, "beauty ↓": 1} for row in ROWS])
+    with pytest.raises(InputError, match=r"marks beauty as ↑ and as ↓; correct one of the arrows"):
+        read_table([tmp_path / "up.csv", tmp_path / "down.csv"], "beauty")
 
 
 BAD = {

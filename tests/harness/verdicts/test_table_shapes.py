@@ -205,8 +205,25 @@ def test_names_are_names_whatever_words_they_hold(is_turned: bool, tmp_path: Pat
 
 @pytest.mark.parametrize(
     "row",
-    ["Std", "Rank", "Time (s)", "FPS", "Gain", "#views", "Median", "Max", "p-value", "Avg. PSNR", "Δ", "Tr. time", "CR",
-     "GFLOPs", "Rend. FPS", "Num. GS", "Compression ratio"],
+    [
+        "Std",
+        "Rank",
+        "Time (s)",
+        "FPS",
+        "Gain",
+        "#views",
+        "Median",
+        "Max",
+        "p-value",
+        "Avg. PSNR",
+        "Δ",
+        "Tr. time",
+        "CR",
+        "GFLOPs",
+        "Rend. FPS",
+        "Num. GS",
+        "Compression ratio",
+    ],
 )
 def test_rows_and_columns_of_statistics_are_left_out_and_named(row: str, tmp_path: Path) -> None:
     below = csv(("Method", SCENES), *rows(), (row, [1.5] * 6))
@@ -417,3 +434,12 @@ def test_a_missing_cell_does_not_hide_the_signs_of_pairs_that_have_all_scenes(tm
         judge(read(tmp_path, "psnr.csv", each), None, None) for each in (text, text.replace("25.16", ""))
     )
     assert all(pair.distinguished for result in (complete, lacking) for pair in result.given.pairs)
+
+
+def test_means_of_data_sets_are_judged_with_a_caution(tmp_path: Path) -> None:
+    names = ["Mip-NeRF 360", "Tanks & Temples", "Deep Blending", "NeRF-Synthetic", "LLFF avg.", "new"]
+    notes = read(tmp_path, "psnr.csv", csv(("Method", names), *rows())).notes
+    assert [note for note in notes if note.startswith("Means of data sets are taken for scenes")] == [
+        f"Means of data sets are taken for scenes, but vary less: {', '.join(names[:5])}. Give results by scene."
+    ]
+    assert not any("data sets" in note for note in read(tmp_path, "psnr.csv", csv(("Method", SCENES), *rows())).notes)
