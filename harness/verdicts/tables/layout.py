@@ -465,8 +465,10 @@ def _notes_on(cells: list[str]) -> list[str]:
 
 def _guessed(path: Path, table: _Table, kept: list[_Column]) -> str:
     """Return PSNR if all numbers of a table without a name of a metric can be it; raises `InputError` otherwise."""
-    values = []
+    values, label = [], _column_of_labels(table)
     for row, line in zip(table.body, table.lines, strict=True):
+        if is_average(row[label]) or is_aside(row[label]):
+            continue
         for cell in (row[column.place] for column in kept if not is_missing(row[column.place])):
             if (value := number(cell)) is None:
                 raise InputError(f"{path}, line {line}: {cell!r} is not a number; leave the field empty")

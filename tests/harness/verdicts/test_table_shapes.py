@@ -228,8 +228,8 @@ def test_names_are_names_whatever_words_they_hold(is_turned: bool, tmp_path: Pat
 def test_rows_and_columns_of_statistics_are_left_out_and_named(row: str, tmp_path: Path) -> None:
     below = csv(("Method", SCENES), *rows(), (row, [1.5] * 6))
     beside = csv(("Method", [*SCENES, row]), *((name, [*values, 20]) for name, values in rows()))
-    for text in (below, beside):
-        table = read(tmp_path, "psnr.csv", text)
+    for name, text in (("psnr.csv", below), ("psnr.csv", beside), ("t.csv", below)):
+        table = read(tmp_path, name, text)
         require_psnr(table)
         assert any(row.rstrip(".") in said for said in (*table.notes, table.read_as))
 
