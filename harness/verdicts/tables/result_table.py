@@ -92,7 +92,7 @@ def table_of(
             raise InputError(f"--lower {name}: is better when higher (by its name or arrow); drop it, or rename it")
     of_rows = [_encode(rows, key) for key in ("method", "scene", "seed")]
     values = _values(rows, chosen, of_rows)
-    spent = [_numbers(rows, name) for name in ("seconds", "core_seconds", "steps")]
+    spent, unread = zip(*(_spent(rows, name) for name in ("seconds", "core_seconds", "steps")), strict=True)
     names, scenes, seeds = (encoded.names for encoded in of_rows)
     averages, of_methods = _averages(scenes, values), _averages(names, values.swapaxes(0, 1), by_value=False)
     kept_scenes = [k for k in range(len(scenes)) if k not in averages and np.isfinite(values[:, k]).any()]
@@ -103,7 +103,8 @@ def table_of(
     kept = [k for k in asked if there[k] and k not in of_methods]
     lacking = [names[k] for k in asked if not there[k]]
     lacking += [name for k, name in enumerate(scenes) if not np.isfinite(values[:, k]).any()]
-    notes = [f"Without any result, left out: {', '.join(lacking)}."] if lacking else []
+    notes = [f"Left out: {why}." for why in unread if why]
+    notes += [f"Without any result, left out: {', '.join(lacking)}."] if lacking else []
     if len(kept) < 2:
         many = f"{len(kept)} method{'s' * (len(kept) != 1)}"
         raise InputError(f"{source}: has {many} with results; a comparison needs two: add those of others")
@@ -313,6 +314,14 @@ def _numbers(rows: Rows, name: str) -> np.ndarray:
             "field empty for a missing result"
         )
     return np.array(numbers, dtype=np.float64)
+
+
+def _spent(rows: Rows, name: str) -> tuple[np.ndarray, str]:
+    """Return a column that is shown beside the verdict as numbers; all NaN, and why, if it has other entries."""
+    try:
+        return _numbers(rows, name), ""
+    except InputError as error:
+        return np.full(len(rows), np.nan), str(error)
 
 
 def scene_means(values: np.ndarray) -> np.ndarray:
