@@ -21,6 +21,8 @@ RUN = re.compile(
     r"(?:^|[\s_/-]+)\(?seed[\s_#=-]*(\d+)\)?$|\s*[(\[](?:seed|run|trial)[\s_#=-]*(\d+)[)\]]$", re.IGNORECASE
 )
 """The seed at the end of a name."""
+NUMBERED = re.compile(r"[\s_-]*[(\[]?(\d+)[)\]]?$")
+"""The number at the end of a name."""
 SEED = ("seed", "run", "trial", "random_seed", "rep", "repeat", "run_id")
 ROLES = {"scene": SCENE, "method": METHOD, "metric": ("metric", "metrics", "measure"), "seed": SEED}
 VALUE = ("value", "score", "result", "mean")
@@ -163,6 +165,23 @@ def seed_of(name: str) -> str | None:
 
 def without_seed(name: str) -> str:
     return RUN.sub("", name).strip()
+
+
+def metrics_of_seeds(names: Iterable[str]) -> dict[str, tuple[str, str]]:
+    """Return metric and seed of each name that holds both: `psnr_seed7`; or else `psnr_0` and `psnr_1`, as the numbers
+    of a metric begin with 0 or 1 and none is left out.
+    """
+    known = {name: (without_seed(name), seed) for name in names if metric_of(name) and (seed := seed_of(name))}
+    numbered = {name: (name[: match.start()], match[1]) for name in names if (match := NUMBERED.search(name))}
+    of_metric: dict[str, list[int]] = {}
+    for metric, seed in numbered.values():
+        of_metric.setdefault(metric, []).append(int(seed))
+    return known or {
+        name: (metric, seed)
+        for name, (metric, seed) in numbered.items()
+        if metric_of(metric) and not beside_metric(metric)
+        if sorted(of_metric[metric]) in ([*range(len(of_metric[metric]))], [*range(1, len(of_metric[metric]) + 1)])
+    }
 
 
 def is_average(name: str) -> bool:

@@ -277,9 +277,23 @@ def test_seeds_are_read_from_names_columns_and_rows(tmp_path: Path) -> None:
     for text in (csv(("Method", SCENES), *of_methods), csv(("Method", of_scenes), *twice)):
         require_psnr(read(tmp_path, "psnr.csv", text), seeds=2)
     in_rows = csv(("method", ["seed", *SCENES]), *((n, [seed, *v]) for n, v in rows() for seed in (42, 43)))
-    in_columns = csv(("scene", ["method", "psnr_seed0", "psnr_seed1"]), *((s, [m, v, v]) for s, m, _, v in ONE))
-    for text in (in_rows, in_columns):
-        require_psnr(read(tmp_path, "t.csv", text), seeds=2)
+    require_psnr(read(tmp_path, "t.csv", in_rows), seeds=2)
+
+
+@pytest.mark.parametrize(
+    ("names", "seeds"),
+    [
+        (["psnr_seed0", "psnr_seed7"], ["0", "7"]), (["PSNR_1", "PSNR_2"], ["1", "2"]),
+        (["test PSNR (0) ↑", "test PSNR (1) ↑"], ["0", "1"]), (["psnr", "psnr_1"], [""]), (["psnr_5", "psnr"], [""]),
+    ],
+)  # fmt: skip
+def test_columns_of_seeds_are_one_metric(names: list[str], seeds: list[str], tmp_path: Path) -> None:
+    text = csv(("scene", ["method", *names]), *((s, [m, v, v]) for s, m, _, v in ONE))
+    records = json.dumps([{"scene": s, "method": m, **dict.fromkeys(names, v)} for s, m, _, v in ONE])
+    for table in (read(tmp_path, "t.csv", text), read(tmp_path, "t.json", records)):
+        require_psnr(table, seeds=len(seeds))
+        assert table.seeds == seeds
+        assert any(note.startswith("A column is read as a seed") for note in table.notes) == (len(seeds) > 1)
 
 
 def test_a_table_among_others_in_a_text_is_read_and_the_others_are_named(tmp_path: Path) -> None:
