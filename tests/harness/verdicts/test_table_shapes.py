@@ -108,6 +108,13 @@ SHAPES: dict[str, tuple[str, str]] = {
             amp(rf"\multirow{{3}}{{*}}{{{scene}}}" if k == 0 else "", [name, PSNR[k, j]])
             for j, scene in enumerate(SCENES) for k, name in enumerate(METHODS)))),
     "groups of methods": ("t.md", markdown(("Method", SCENES), ("*Explicit*", [""] * 6), *rows())),
+    "blocks of metrics": ("t.md", markdown(("Method", SCENES), ("PSNR ↑", [""] * 6), *rows(), ("Method", SCENES), (
+        "LPIPS ↓ (VGG)", [""] * 6), *rows(LPIPS))),
+    "blocks of metrics, each with a header": ("t.tex", latex(r"\multicolumn{7}{c}{LPIPS}", amp("Method", SCENES), *(
+        amp(*row) for row in rows(LPIPS)), r"\multicolumn{7}{c}{PSNR (dB)}", amp("Method", SCENES), *(
+        amp(*row) for row in rows()))),
+    "blocks of metrics, named beside": ("t.tex", latex(amp("", SCENES), r"& \multicolumn{6}{c}{PSNR}", *(
+        amp(*row) for row in rows()), r"& \multicolumn{6}{c}{LPIPS}", *(amp(*row) for row in rows(LPIPS)))),
     "category": ("t.csv", csv(("Category", ["Method", *SCENES]), *(("explicit", [n, *v]) for n, v in rows()))),
     "data sets": ("psnr.csv", csv(("Dataset", ["Scene", *METHODS]), *(("m360", [s, *v]) for s, v in turned()))),
     "networks": ("t.csv", csv(("", ["Base", *SCENES]), *((n, ["MLP", *v]) for n, v in rows()))),
@@ -325,6 +332,8 @@ def test_a_metric_that_is_better_when_lower_is_known_by_its_name(name: str, tmp_
         ("Method", SCENES), *rows(LPIPS)
     )
     assert read(tmp_path, "t.md", prose).metric == "lpips"
+    title = markdown(("Method", SCENES), ("LPIPS ↓", [""] * 6), *rows(LPIPS))
+    assert read(tmp_path, "t.md", title).metric == "lpips"
     figure = r"\begin{figure}\caption{PSNR over time.}\end{figure}\begin{table}\caption{LPIPS per scene.}"
     table = read(
         tmp_path, "t.tex", figure + latex(amp("", SCENES), *(amp(*row) for row in rows(LPIPS))) + r"\end{table}"
