@@ -12,6 +12,7 @@ from harness.verdicts.tables.headers import (
     SEED,
     arrow_of,
     column_name,
+    metric_of,
     metrics_of_seeds,
 )
 from scenes.files.errors import InputError
@@ -110,9 +111,14 @@ def _over_seeds(rows: Rows) -> Rows:
     metrics, seeds = (list(dict.fromkeys(part)) for part in zip(*cells, strict=True)) if cells else ([], [])
     if len(seeds) < 2 or len(cells) < len(seeded) or {"seed", *metrics} & rows.columns.keys():
         return rows
-    columns = {name: values * len(seeds) for name, values in rows.columns.items() if name not in seeded}
-    columns["seed"] = [seed for seed in seeds for _ in rows.places]
     empty: list[object] = [None] * len(rows)
+    columns = {
+        # one result is not one of each seed
+        name: values + (empty if metric_of(name) else values) * (len(seeds) - 1)
+        for name, values in rows.columns.items()
+        if name not in seeded
+    }
+    columns["seed"] = [seed for seed in seeds for _ in rows.places]
     columns |= {metric: [v for seed in seeds for v in cells.get((metric, seed), empty)] for metric in metrics}
     note = f"A column is read as a seed of a metric: {', '.join(seeded)}."
     arrows = frozenset((seeded.get(name, (name, ""))[0], arrow) for name, arrow in rows.arrows)

@@ -295,12 +295,13 @@ def test_seeds_are_read_from_names_columns_and_rows(tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_columns_of_seeds_are_one_metric(names: list[str], seeds: list[str], tmp_path: Path) -> None:
-    text = csv(("scene", ["method", *names]), *((s, [m, v, v]) for s, m, _, v in ONE))
-    records = json.dumps([{"scene": s, "method": m, **dict.fromkeys(names, v)} for s, m, _, v in ONE])
+    text = csv(("scene", ["method", *names, "ssim"]), *((s, [m, v, v, 0.5]) for s, m, _, v in ONE))
+    records = json.dumps([{"scene": s, "method": m, **dict.fromkeys(names, v), "ssim": 0.5} for s, m, _, v in ONE])
     for table in (read(tmp_path, "t.csv", text), read(tmp_path, "t.json", records)):
         require_psnr(table, seeds=len(seeds))
         assert table.seeds == seeds
         assert any(note.startswith("A column is read as a seed") for note in table.notes) == (len(seeds) > 1)
+    assert np.isfinite(read(tmp_path, "t.csv", text, "ssim").values).sum() == PSNR.size
 
 
 def test_a_table_among_others_in_a_text_is_read_and_the_others_are_named(tmp_path: Path) -> None:
