@@ -187,6 +187,8 @@ def judge_rows(
     if margin is not None and len(metrics) > 1:
         raise InputError(f"--margin {margin}: has the unit of one metric; judge one at a time, or leave it out")
     first, *more = [table_of(rows, metric, lower, methods) for metric in (metrics or (None,))]
+    if baseline is not None and methods and baseline not in methods:
+        raise InputError(f"--baseline {baseline}: is not among --methods {' '.join(methods)}; add it to them")
     judged = {first.metric, *(table.metric for table in more)}
     left = [name for name in first.other_metrics if name not in judged]
     others = [judge(replace(table, other_metrics=[]), None, baseline) for table in more]

@@ -8,12 +8,16 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.verdicts.tables.numbers import THOUSANDS, plain
+from harness.verdicts.tables.numbers import BRACED, THOUSANDS, plain
 from scenes.files.errors import InputError
 
-ENVIRONMENT = r"(?:tabular[x*]?|tabulary|longtable|tblr|array|supertabular)"
+ENVIRONMENT = r"(?!eqn)[a-zA-Z]*(?:[tT]abular|longtable|tblr|[aA]rray)[xyX]?\*?"
+NESTED = re.compile(
+    rf"\\begin\{{({ENVIRONMENT})\}}(?:\[[^\]]*\])?{BRACED}((?:[^&\\]|\\(?!(?:begin|end)\{{).)*)\\end\{{\1\}}", re.DOTALL
+)
+"""A table of one column, as within a cell of several lines."""
 RULES = re.compile(
-    r"\\(?:(?:top|mid|bottom|h)(?:rule|line)|hdashline|endhead|endfirsthead|endfoot|endlastfoot|centering|"
+    r"\\(?:(?:top|mid|bottom|[hH])(?:rule|line)|hdashline|endhead|endfirsthead|endfoot|endlastfoot|centering|"
     r"(?:cmidrule|cline|specialrule|cdashline|Xhline|addlinespace)(?:\([^)]*\))?)(?:\[[^\]]*\]|\{[^{}]*\})*"
 )
 
@@ -122,15 +126,16 @@ def _markdown(text: str) -> Iterator[Grid]:
 
 def _latex(text: str) -> Iterator[Grid]:
     """Yield the bodies of tables; a cell of several columns is repeated."""
-    text = re.sub(r"(?<!\\)%.*", "", text)
+    text = re.sub(r"(?<!\\)((?:\\\\)*)%.*", r"\1", text)
+    text = NESTED.sub(r"\\makecell{\2}", text)
     tables = list(re.finditer(rf"\\begin\{{({ENVIRONMENT})\}}(.*?)\\end\{{\1\}}", text, re.DOTALL))
     for place, match in enumerate(tables):
         # the specification of the columns, which may hold nested braces, ends before the first line that has a cell
-        body = re.sub(r"^(?:\s*\[[^\]]*\])?(?:\s*\{(?:[^{}]|\{[^{}]*\})*\})+", "", match[2])
+        body = re.sub(rf"^(?:\s*\[[^\]]*\])?(?:\s*{BRACED})+(?:\[[^\]]*\])?", "", match[2])
         line = text[: match.end(2) - len(body)].count("\n") + 1
         rows, numbers = [], []
-        for part in _split(body, "\\\\"):
-            row = RULES.sub("", re.sub(r"^\s*\[[^\]]*\]", "", part))
+        for part in _split(re.sub(r"\\tabularnewline(?![a-zA-Z])", r"\\\\", body), "\\\\"):
+            row = RULES.sub("", re.sub(r"^\s*\*?\s*(?:\[[^\]]*\])?", "", part))
             if "&" in row:
                 rows.append([spanned for cell in _split(row, "&") for spanned in _spanned(cell)])
                 numbers.append(line + part[: len(part) - len(part.lstrip())].count("\n"))

@@ -12,7 +12,8 @@ METHOD = ("method", "model", "algorithm", "approach", "method_name", "methods", 
 LOWER = {name for name, metric in METRICS.items() if not metric.higher_is_better}
 LOWER |= {"rmse", "mse", "mae", "fid", "kid", "dists", "chamfer", "dssim", "mlpips", "error", "err", "loss"}
 """The metrics that are better when lower, also as part of a name, as in `lpips_vgg`."""
-HIGHER = {"psnr", "ssim", "iou", "msssim", "mpsnr", "mssim", "accuracy", "f1"}
+HIGHER = {name for name, metric in METRICS.items() if metric.higher_is_better}
+HIGHER |= {"psnr", "ssim", "iou", "msssim", "mpsnr", "mssim", "accuracy", "f1"}
 KNOWN = {*METRICS, *LOWER, *HIGHER, "ms-ssim"} - {"error", "err", "loss"}
 INVERTED = re.compile(r"(?:1|one)\s*(?:[-−–]|[_ ]?minus[_ ]?)\s*|neg(?:ative)?[_ ]|inv(?:erse)?[_ ]")
 """The beginning of the name of a metric that is turned round, as in `1 - SSIM`."""
@@ -20,6 +21,8 @@ RUN = re.compile(
     r"(?:^|[\s_/-]+)\(?seed[\s_#=-]*(\d+)\)?$|\s*[(\[](?:seed|run|trial)[\s_#=-]*(\d+)[)\]]$", re.IGNORECASE
 )
 """The seed at the end of a name."""
+NUMBERED = re.compile(r"[\s_-]*[(\[]?(\d+)[)\]]?$")
+"""The number at the end of a name."""
 SEED = ("seed", "run", "trial", "random_seed", "rep", "repeat", "run_id")
 ROLES = {"scene": SCENE, "method": METHOD, "metric": ("metric", "metrics", "measure"), "seed": SEED}
 VALUE = ("value", "score", "result", "mean")
@@ -28,13 +31,16 @@ ASIDE = {
     "year", "venue", "publication", "params", "param", "parameters", "fps", "time", "times", "memory", "mem", "vram",
     "size", "gaussians", "points", "primitives", "storage", "steps", "step", "iterations", "iters", "rank", "gpu",
     "speed", "hours", "minutes", "seconds", "views", "images", "epochs", "best", "hardware", "width", "height",
-    "resolution", "downscale", "layers", "batch", "cost", "mb", "gb",
+    "resolution", "downscale", "layers", "batch", "cost", "mb", "gb", "flops", "mflops", "gflops", "tflops", "macs",
+    "gmacs", "latency", "throughput", "ratio", "cr", "bpp", "bitrate", "num", "number", "runtime", "speedup",
+    "iter",
 }  # fmt: skip
 """What a column is about that holds neither scenes nor scores."""
 WITH_ASIDE = {
-    "train", "training", "render", "rendering", "inference", "test", "model", "storage", "peak", "number", "num", "of",
-    "total", "optimization", "optimisation", "per", "scene", "disk", "in", "on", "the", "input", "avg", "average",
-    "mean", "min", "mins", "sec", "mb", "gb", "h", "s", "ms", "m", "k",
+    "train", "training", "tr", "render", "rendering", "rend", "inference", "inf", "test", "model", "peak", "of",
+    "total", "optimization", "optimisation", "opt", "encoding", "enc", "decoding", "dec", "compression", "comp",
+    "per", "scene", "disk", "in", "on", "the", "input", "avg", "average", "mean", "min", "mins", "sec", "h", "s",
+    "ms", "m", "k", "gs", "splats", "file", "ckpt", "run", "convergence",
 }  # fmt: skip
 """The words that may stand next to them."""
 UNITS = {"db", "s", "sec", "ms", "min", "mins", "h", "hr", "hrs", "mb", "gb", "kb", "m", "k", "%", "it/s"}
@@ -69,6 +75,16 @@ SCENES = frozenset(
 )
 """The scenes of public data sets."""
 SCAN = re.compile(r"scan[ _]?\d+")
+DATA_SETS = frozenset(
+    word
+    for words in (
+        "blender nerfsynthetic syntheticnerf syntheticblender blendersynthetic mipnerf360 mip360 m360 nerf360",
+        "tankstemples tanktemple tnt tt deepblending db llff nerfllff llffnerf forwardfacing nsvf syntheticnsvf",
+        "nsvfsynthetic dtu replica scannet realestate10k re10k dl3dv shinyblender refnerf bungeenerf dnerf hypernerf",
+    )
+    for word in words.split()
+)
+"""The public data sets, as letters and digits."""
 
 
 def bare(name: str) -> str:
@@ -151,6 +167,23 @@ def without_seed(name: str) -> str:
     return RUN.sub("", name).strip()
 
 
+def metrics_of_seeds(names: Iterable[str]) -> dict[str, tuple[str, str]]:
+    """Return metric and seed of each name that holds both: `psnr_seed7`; or else `psnr_0` and `psnr_1`, as the numbers
+    of a metric begin with 0 or 1 and none is left out.
+    """
+    known = {name: (without_seed(name), seed) for name in names if metric_of(name) and (seed := seed_of(name))}
+    numbered = {name: (name[: match.start()], match[1]) for name in names if (match := NUMBERED.search(name))}
+    of_metric: dict[str, list[int]] = {}
+    for metric, seed in numbered.values():
+        of_metric.setdefault(metric, []).append(int(seed))
+    return known or {
+        name: (metric, seed)
+        for name, (metric, seed) in numbered.items()
+        if metric_of(metric) and not beside_metric(metric)
+        if sorted(of_metric[metric]) in ([*range(len(of_metric[metric]))], [*range(1, len(of_metric[metric]) + 1)])
+    }
+
+
 def is_average(name: str) -> bool:
     """Return whether a name says only that it is a mean: `Avg.`, `Outdoor average`, `Mean PSNR`."""
     words = {*words_of(bare(name))}
@@ -159,6 +192,12 @@ def is_average(name: str) -> bool:
 
 def may_be_average(name: str) -> bool:
     return bool({*words_of(bare(name))} & WEAK_AVERAGE)
+
+
+def is_data_set(name: str) -> bool:
+    """Return whether a name is that of a public data set: `Tanks & Temples`, `Mip-NeRF 360 avg`."""
+    words = (word for word in words_of(bare(name)) if word not in {*AVERAGE, "and", "the", "dataset"})
+    return re.sub(r"[^a-z0-9]", "", "".join(words)) in DATA_SETS
 
 
 def is_aside(name: str) -> bool:

@@ -205,19 +205,8 @@ def _long(path: Path, table: _Table) -> Rows:
     kept = sorted([*table.names, *table.values])
     _fill_down(table, min(table.roles["scene"], table.roles["method"]))
     notes = [*table.notes, *_notes_on([row[k] for row in table.body for k in table.values])]
-    seeded = {k: seed for k in kept if metric_of(heads[k]) and (seed := seed_of(heads[k]))}
-    none: dict[str, object] = dict.fromkeys(without_seed(heads[k]) for k in seeded)
-    taken = {"seed", *(name.lower() for name in none)} & {heads[k].lower() for k in kept}
-    if len({*seeded.values()}) < 2 or taken:
-        columns: list[list[object]] = [[row[k] for row in table.body] for k in kept]
-        return rows_of(path, [heads[k] for k in kept], columns, table.lines, notes=notes)
-    others = [k for k in kept if k not in seeded]
-    cells: _Cells = {}
-    for k, seed in seeded.items():  # columns such as `psnr_seed0` and `psnr_seed1` become one, next to one of seeds
-        for place, (row, line) in enumerate(zip(table.body, table.lines, strict=True)):
-            _, scores = cells.setdefault((*(row[other] for other in others), seed, place), (line, {**none}))
-            scores[without_seed(heads[k])] = row[k]
-    return _of_cells(path, [*(heads[k] for k in others), "seed"], cells, [], notes)
+    columns: list[list[object]] = [[row[k] for row in table.body] for k in kept]
+    return rows_of(path, [heads[k] for k in kept], columns, table.lines, notes=notes)
 
 
 def _melted(path: Path, table: _Table) -> Rows:
@@ -465,8 +454,10 @@ def _notes_on(cells: list[str]) -> list[str]:
 
 def _guessed(path: Path, table: _Table, kept: list[_Column]) -> str:
     """Return PSNR if all numbers of a table without a name of a metric can be it; raises `InputError` otherwise."""
-    values = []
+    values, label = [], _column_of_labels(table)
     for row, line in zip(table.body, table.lines, strict=True):
+        if is_average(row[label]) or is_aside(row[label]):
+            continue
         for cell in (row[column.place] for column in kept if not is_missing(row[column.place])):
             if (value := number(cell)) is None:
                 raise InputError(f"{path}, line {line}: {cell!r} is not a number; leave the field empty")

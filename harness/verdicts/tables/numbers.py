@@ -31,27 +31,29 @@ SIGNS = {
     "\\ding{51}": "✓",
     "\\xmark": "✗",
 }
-ARGUMENT = r"(?:\[[^\]]*\]|\{[^{}]*\})"
+BRACED = r"\{(?:[^{}]|\{[^{}]*\})*\}"
+ARGUMENT = rf"(?:\[[^\]]*\]|{BRACED})"
 DIAGONAL = re.compile(r"\\(?:diagbox|(?:back)?slashbox)(?:\[[^\]]*\])?\{([^{}]*)\}\{([^{}]*)\}")
 DROPPED = re.compile(
-    rf"\\(?:cite[a-z]*|textsuperscript|textsubscript|footnote(?:mark|text)?|tablefootnote|label|ref|rule|hspace|vspace|cdashline|"
-    rf"addlinespace|Xhline|cmidrule|cline|specialrule|hhline|arrayrulecolor|noalign)(?![a-zA-Z])\*?(?:\([^)]*\))?{ARGUMENT}*"
+    rf"\\(?:cite[a-z]*|textsuperscript|textsubscript|footnote(?:mark|text)?|tablefootnote|label|ref|rule|"
+    rf"cdashline|addlinespace|Xhline|cmidrule|cline|specialrule|hhline|arrayrulecolor|noalign)(?![a-zA-Z])\*?(?:\([^)]*\))?{ARGUMENT}*"
 )
 """LaTeX commands that are not part of a cell, with their arguments."""
 FIRST_DROPPED = re.compile(
-    r"\\(?:cellcolor|rowcolor|color|textcolor|colorbox|rotatebox|scalebox|raisebox|SetCell)"
-    r"\*?(?:\[[^\]]*\])*\{[^{}]*\}(?:\[[^\]]*\])*"
+    r"\\(?:cellcolor|rowcolor|color|textcolor|colorbox|rotatebox|scalebox|raisebox|SetCell|Block|[hv]?phantom|[hv]space)"
+    rf"\*?(?:\[[^\]]*\])*{BRACED}(?:\[[^\]]*\])*|\\(?:[hv]skip|kern)\s*-?[\d.]+\s*[a-z]{{2}}"
 )
 """LaTeX commands whose first argument is not part of the cell, nor the first two of `FRAME` and `MULTIROW`."""
 MULTIROW = re.compile(r"\\multirow\*?(?:\[[^\]]*\])*\{[^{}]*\}(?:\[[^\]]*\])*\{[^{}]*\}")
 SPREAD_COMMAND = re.compile(r"\\[a-zA-Z]*(?:std|err|dev|pm)[a-zA-Z]*\s*\{([^{}]*)\}")
 FRAME = re.compile(r"\\fcolorbox\{[^{}]*\}\{[^{}]*\}")
-SMALLER = re.compile(r"(?<=\d)\s*\{\s*\\(?:tiny|scriptsize|footnotesize|small)\s*([^{}±]*)\}")
+SMALLER = re.compile(r"(?<=\d)\s*\{\s*\\(?:tiny|scriptsize|footnotesize|small)\s*((?:[^{}±]|\{[^{}±]*\})*)\}")
 """What stands in small print behind a number, such as a gain or a spread without its sign."""
 TWO = re.compile(r"\\[a-zA-Z]+\{([^{}]*)\}\{([^{}]*)\}")
-WRAPPER = re.compile(r"\\[a-zA-Z]+\*?(?:\[[^\]]*\])?\{([^{}]*)\}")
+WRAPPER = re.compile(r"\\[a-zA-Z]+\*?(?:\[[^\]]*\])*\{([^{}]*)\}")
+GAIN = r"\{[\s({]*[+\-−↑↓]"
 RAISED = re.compile(
-    r"(?<=\d)(?:\^(?:\{[^{}]*\}|\\[a-zA-Z]+|[^\s{}])|_\{(?!\s*±)[^{}]*\}|_\d(?=\$))|"
+    rf"(?<=\d)(?:\^(?:{BRACED}|\\[a-zA-Z]+|[^\s{{}}])|_(?!\{{\s*±){BRACED}|_\d(?=\$))|(?<=\d\}})_(?={GAIN}){BRACED}|"
     r"\^\{?(?:\\(?:d?dagger|ast|star)|\*)\}?|\^(?=[\w{])"
 )
 """Footnote marks, and what is raised or lowered behind a number but a spread; of other raised text only the sign."""
@@ -75,12 +77,13 @@ def plain(text: str) -> str:
         text = re.sub(re.escape(sign) + r"(?![a-zA-Z])" * sign[-1].isalpha(), character, text)
     text = FRAME.sub("", MULTIROW.sub("", DROPPED.sub("", DIAGONAL.sub(r"\1 / \2", text))))
     text = FIRST_DROPPED.sub("", text)
-    text = RAISED.sub("", re.sub(r"\$\^", "^", text).replace("^↑", "↑").replace("^↓", "↓"))
+    text = RAISED.sub("", re.sub(rf"\$(?=\^|_{GAIN})", "", text).replace("^↑", "↑").replace("^↓", "↓"))
     text = SMALLER.sub(r" (\1)", SPREAD_COMMAND.sub(r" ± \1", text))
-    text = re.sub(r"\\\\(?:\[[^\]]*\])?|<br\s*/?>", " ", text)  # a line break within a cell
+    text = re.sub(r"\\\\\*?(?:\[[^\]]*\])?|<br\s*/?>", " ", text)  # a line break within a cell
     while (inner := WRAPPER.sub(r"\1", TWO.sub(_of_two, text))) != text:
         text = inner
-    text = re.sub(r"\\[a-zA-Z]+\*?|[${}]|</?[a-zA-Z]+(?:\s[^<>]*)?/?>", "", text).replace("\\,", " ").replace("\\", "")
+    text = re.sub(r"\\[a-zA-Z]+\*?|[${}]|</?[a-zA-Z]+(?:\s[^<>]*)?/?>", "", text)
+    text = re.sub(r"\\[,;:!>]", " ", text).replace("\\", "")
     text = re.sub(r"_\s*(?=±)", " ", text)
     text = re.sub(r"!?\[([^\[\]]*)\]\([^()]*\)", r"\1", text)  # a link of Markdown
     for _ in range(2):

@@ -3,7 +3,7 @@
 import math
 import re
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -19,6 +19,7 @@ from harness.verdicts.tables.headers import (
     bare,
     is_aside,
     is_average,
+    is_data_set,
     may_be_average,
     metric_of,
 )
@@ -84,11 +85,14 @@ def table_of(
     source = rows.source
     metrics = [name for name in rows.columns if name not in KEYS and is_column_of_numbers(rows.columns[name])]
     chosen = _choose(rows, metrics, metric)
-    if unknown := [name for name in lower if name.lower() not in rows.columns]:
-        raise InputError(f"--lower {unknown[0]}: no such column; metrics of the table: {', '.join(metrics)}")
+    for name in lower:
+        if name.lower() not in rows.columns:
+            raise InputError(f"--lower {name}: no such column; metrics of the table: {', '.join(metrics)}")
+        if name.lower() in HIGHER or (name.lower(), "↑") in rows.arrows:
+            raise InputError(f"--lower {name}: is better when higher (by its name or arrow); drop it, or rename it")
     of_rows = [_encode(rows, key) for key in ("method", "scene", "seed")]
     values = _values(rows, chosen, of_rows)
-    spent = [_numbers(rows, name) for name in ("seconds", "core_seconds", "steps")]
+    spent, unread = zip(*(_spent(rows, name) for name in ("seconds", "core_seconds", "steps")), strict=True)
     names, scenes, seeds = (encoded.names for encoded in of_rows)
     averages, of_methods = _averages(scenes, values), _averages(names, values.swapaxes(0, 1), by_value=False)
     kept_scenes = [k for k in range(len(scenes)) if k not in averages and np.isfinite(values[:, k]).any()]
@@ -99,7 +103,8 @@ def table_of(
     kept = [k for k in asked if there[k] and k not in of_methods]
     lacking = [names[k] for k in asked if not there[k]]
     lacking += [name for k, name in enumerate(scenes) if not np.isfinite(values[:, k]).any()]
-    notes = [f"Without any result, left out: {', '.join(lacking)}."] if lacking else []
+    notes = [f"Left out: {why}." for why in unread if why]
+    notes += [f"Without any result, left out: {', '.join(lacking)}."] if lacking else []
     if len(kept) < 2:
         many = f"{len(kept)} method{'s' * (len(kept) != 1)}"
         raise InputError(f"{source}: has {many} with results; a comparison needs two: add those of others")
@@ -109,7 +114,7 @@ def table_of(
     if len(kept_scenes) < 2:
         many = f"{len(kept_scenes)} scene{'s' * (len(kept_scenes) != 1)}"
         raise InputError(f"{source}: has {many} with results; the spread of scenes is not known below two")
-    higher, guess = _direction(chosen, {name.lower() for name in lower}, dict(rows.arrows))
+    higher, guess = _direction(rows, chosen, {name.lower() for name in lower})
     seconds, core_seconds, steps = ([_mean(each[of_rows[0].codes == k]) for k in kept] for each in spent)
     notes += _shared_cells(rows, of_rows)
     size = f"{len(kept)} methods × {len(kept_scenes)} scenes"
@@ -119,6 +124,8 @@ def table_of(
         for k in kept_scenes
         if bare(scenes[k]) in WEAK_AVERAGE
     ]
+    if of_data := ", ".join(scenes[k] for k in kept_scenes if is_data_set(scenes[k])):
+        notes.append(f"Means of data sets are taken for scenes, but vary less: {of_data}. Give results by scene.")
     means = [*rows.averages, *(scenes[k] for k in averages), *(names[k] for k in of_methods)]
     left_out = f"; left out as means of the others: {', '.join(means)}" if means else ""
     return ResultTable(
@@ -190,7 +197,8 @@ def _averages(scenes: list[str], values: np.ndarray, by_value: bool = True) -> l
     """Return the scenes that are means of the others: by name, or, at either end of the table, by all their values if
     `by_value`; for methods, `values` is turned.
     """
-    named = [k for k, name in enumerate(scenes) if is_average(name)]
+    # a scene may have its data set before it
+    named = [k for k, name in enumerate(scenes) if any(map(is_average, name.split("/") if by_value else [name]))]
     weak = [k for k, name in enumerate(scenes) if may_be_average(name) and k not in named]
     others = [k for k in range(len(scenes)) if k not in named]
     if len(others) <= LEAST_AVERAGED or len(values) < 2:
@@ -227,10 +235,13 @@ def _choose(rows: Rows, metrics: list[str], metric: str | None) -> str:
     return next((name for name in metrics if PRIMARY in name and "train" not in name), metrics[0])
 
 
-def _direction(metric: str, lower: set[str], arrows: Mapping[str, str]) -> tuple[bool, list[str]]:
-    """Return whether higher is better, and a note if that is a guess."""
-    if metric in lower or metric in arrows:
-        return metric not in lower and arrows.get(metric) != "↓", []
+def _direction(rows: Rows, metric: str, lower: set[str]) -> tuple[bool, list[str]]:
+    """Return whether higher is better, and a note if that is a guess; raises `InputError` for arrows of both kinds."""
+    arrows = {arrow for name, arrow in rows.arrows if name == metric}
+    if len(arrows) > 1:
+        raise InputError(f"{rows.source}: marks {metric} as ↑ and as ↓; correct one of the arrows")
+    if metric in lower or arrows:
+        return arrows == {"↑"}, []
     turned = INVERTED.match(metric)
     rest = metric[turned.end() :] if turned else metric
     parts = set(re.split(r"[\s_-]+", rest))
@@ -303,6 +314,14 @@ def _numbers(rows: Rows, name: str) -> np.ndarray:
             "field empty for a missing result"
         )
     return np.array(numbers, dtype=np.float64)
+
+
+def _spent(rows: Rows, name: str) -> tuple[np.ndarray, str]:
+    """Return a column that is shown beside the verdict as numbers; all NaN, and why, if it has other entries."""
+    try:
+        return _numbers(rows, name), ""
+    except InputError as error:
+        return np.full(len(rows), np.nan), str(error)
 
 
 def scene_means(values: np.ndarray) -> np.ndarray:

@@ -1,10 +1,20 @@
 """Rows of results as columns, with the place of each row in its file."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from harness.verdicts.tables.headers import HIGHER, LOWER, METHOD, SCENE, SEED, arrow_of, column_name
+from harness.verdicts.tables.headers import (
+    HIGHER,
+    LOWER,
+    METHOD,
+    SCENE,
+    SEED,
+    arrow_of,
+    column_name,
+    metric_of,
+    metrics_of_seeds,
+)
 from scenes.files.errors import InputError
 
 SYNONYMS = {"train_seconds": "seconds", "train_core_seconds": "core_seconds", "total_train_time": "seconds"}
@@ -79,6 +89,7 @@ def joined(parts: Sequence[Rows]) -> Rows:
             raise InputError(f"{part.source}: has no column {' and no column '.join(lacking)} (columns: {known})")
         if not len(part):
             raise InputError(f"{part.source}: has a header and no rows")
+    parts = [_over_seeds(part) for part in parts]
     names = dict.fromkeys(name for part in parts for name in part.columns)
     columns: dict[str, list[object]] = {
         name: [value for part in parts for value in part.columns.get(name) or [None] * len(part)] for name in names
@@ -89,6 +100,29 @@ def joined(parts: Sequence[Rows]) -> Rows:
     averages = dict.fromkeys(name for part in parts for name in part.averages)
     arrows = frozenset(arrow for part in parts for arrow in part.arrows)
     return Rows(parts[0].source, columns, places, arrows, notes, tuple(averages))
+
+
+def _over_seeds(rows: Rows) -> Rows:
+    """Return columns such as `psnr_seed0` and `psnr_seed1` as one column, with a row per seed; columns next to one of
+    seeds, or of that metric, as they are.
+    """
+    seeded = {name: (column_name(metric), seed) for name, (metric, seed) in metrics_of_seeds(rows.columns).items()}
+    cells = {cell: rows.columns[name] for name, cell in seeded.items()}
+    metrics, seeds = (list(dict.fromkeys(part)) for part in zip(*cells, strict=True)) if cells else ([], [])
+    if len(seeds) < 2 or len(cells) < len(seeded) or {"seed", *metrics} & rows.columns.keys():
+        return rows
+    empty: list[object] = [None] * len(rows)
+    columns = {
+        # one result is not one of each seed
+        name: values + (empty if metric_of(name) else values) * (len(seeds) - 1)
+        for name, values in rows.columns.items()
+        if name not in seeded
+    }
+    columns["seed"] = [seed for seed in seeds for _ in rows.places]
+    columns |= {metric: [v for seed in seeds for v in cells.get((metric, seed), empty)] for metric in metrics}
+    note = f"A column is read as a seed of a metric: {', '.join(seeded)}."
+    arrows = frozenset((seeded.get(name, (name, ""))[0], arrow) for name, arrow in rows.arrows)
+    return replace(rows, columns=columns, places=rows.places * len(seeds), arrows=arrows, notes=[*rows.notes, note])
 
 
 def _with_datasets(columns: dict[str, list[object]]) -> list[object]:

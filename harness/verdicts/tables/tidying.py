@@ -4,33 +4,45 @@ import re
 from dataclasses import replace
 
 from harness.verdicts.tables.grids import Grid
-from harness.verdicts.tables.headers import UNITS, metrics_named, role_of
+from harness.verdicts.tables.headers import UNITS, bare, beside_metric, metric_of, metrics_named, role_of
 from harness.verdicts.tables.numbers import number
 
 
 def tidied(grid: Grid) -> Grid:
-    """Return a grid without empty rows and columns, units, and rows that are titles of groups; a cell with scores of
-    several metrics becomes several cells.
+    """Return a grid without empty rows and columns, units, repeated headers, and rows that are titles of groups; a cell
+    with scores of several metrics becomes several cells, and titles that name metrics a column of these.
     """
     width = range(len(grid.rows[0]))
     columns = [k for k in width if any(row[k].strip() for row in grid.rows)]
     rows, lines, around, titles = list[list[str]](), list[int](), list(grid.around), list[str]()
+    metric, metrics = "", list[str]()
     for place, (row, line) in enumerate(zip(grid.rows, grid.lines, strict=True)):
         cells = [row[k].strip() for k in columns]
         filled = [cell for cell in cells if cell]
-        is_title = len({*filled}) == 1 and bool(cells[0]) and (len(filled) in (1, len(cells)))
-        if not filled or (place and all(_is_unit(cell) for cell in filled)):
+        title = filled[0] if len({*filled}) == 1 else ""
+        is_metric = bool(metric_of(bare(title))) and not beside_metric(bare(title))
+        if not filled or (place and all(_is_unit(cell) for cell in filled)) or cells in rows[:1]:
             continue
-        if is_title and len(columns) > 1 and not role_of(cells[0]) and number(cells[0]) is None:
+        is_title = len(filled) in (1, len(cells)) if cells[0] else bool(rows) and is_metric and filled == cells[1:]
+        if title and is_title and len(columns) > 1 and not role_of(title) and number(title) is None:
+            metric = title if is_metric else metric
             if rows:
-                titles.append(cells[0])
+                titles.append(title)
             else:
-                around.insert(0, cells[0])
+                around.insert(0, title)
             continue
         rows.append(cells)
         lines.append(line)
+        metrics.append(metric)
     if not rows:
         return Grid([[""]], [1], tuple(around))
+    first = next((k for k, row in enumerate(rows) if k and any(number(cell) is not None for cell in row[1:])), 1)
+    if metric and all(metrics[first:]):
+        around.insert(0, metric)
+        titles = [title for title in titles if title not in metrics]
+        if len({*metrics[first:]}) > 1:
+            of_rows = ["metric"] * first + metrics[first:]
+            rows = [[row[0], name, *row[1:]] for row, name in zip(rows, of_rows, strict=True)]
     return _one_score_per_cell(Grid(rows, lines, tuple(around), tuple(titles)))
 
 

@@ -80,6 +80,7 @@ def test_metrics_are_judged_each_by_itself_on_one_page(tmp_path: Path, capfd: py
         ("", "no such file; give a table as CSV, Markdown, LaTeX, Parquet or JSON"),
         ("--metric ssim", "--metric ssim: no such column; metrics of the table: psnr"),
         ("--baseline nerf", "--baseline nerf: no such method"),
+        ("--methods m0 m1 --baseline m2", "--baseline m2: is not among --methods m0 m1; add it to them"),
     ],
 )
 def test_what_cannot_be_judged_is_said_in_a_line(

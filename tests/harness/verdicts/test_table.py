@@ -113,6 +113,14 @@ def test_which_way_is_better(tmp_path: Path) -> None:
     declared = direction("beauty", lower=["Beauty"])
     assert not declared.higher_is_better
     assert not any("--lower" in note for note in declared.notes)
+    for column, option in (("SSIM", "ssim"), ("beauty ↑", "Beauty"), ("lpips", "psnr")):
+        text = as_csv(tmp_path / "t.csv", [{**row, column: 0.5} for row in ROWS])
+        with pytest.raises(InputError, match=f"--lower {option}: is better when higher .*; drop it, or rename it"):
+            read_table([text], column.strip(" ↑"), lower=[option])
+    as_csv(tmp_path / "up.csv", [{**row, "beauty ↑": 1} for row in ROWS])
+    as_csv(tmp_path / "down.csv", [{**row, "seed": row["seed"] + 2, "beauty ↓": 1} for row in ROWS])
+    with pytest.raises(InputError, match=r"marks beauty as ↑ and as ↓; correct one of the arrows"):
+        read_table([tmp_path / "up.csv", tmp_path / "down.csv"], "beauty")
 
 
 BAD = {
@@ -120,7 +128,6 @@ BAD = {
     "scene,method,seed,psnr\na,x,0,1\na,x,0,1\n": "line 3: repeats scene, method and seed of {}, line 2; delete one",
     "scene,method,psnr\na,x,nan\na,y,2\n": "line 2: psnr is 'nan', not a finite number within ±1e+12; leave the field",
     "scene,method,psnr\na,x,2\na,y,-1e308\n": "line 3: psnr is '-1e308'",
-    "scene,method,psnr,steps\na,x,1,9\na,y,2,9k\n": "line 3: steps is '9k'",
     "scene,method,psnr\na,x,1\na,y,2\n": "has 1 scene with results",
     "scene,method,psnr\na,x,1\nb,x,2\n": "has 1 method with results; a comparison needs two",
     "scene,method,psnr\na,x,1\nb,y,\n": "has 1 method with results",
@@ -146,6 +153,13 @@ def test_what_cannot_be_judged_is_refused_in_a_line(text: str, tmp_path: Path) -
         read(tmp_path, name, text)
     assert BAD[text].format(tmp_path / name) in str(refused.value)
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(("column", "value"), [("seconds", "5m30s"), ("core_seconds", "1:05"), ("steps", "9k")])
+def test_a_time_in_words_is_left_out_with_a_note_and_stops_no_verdict(column: str, value: str, tmp_path: Path) -> None:
+    table = read_table([as_csv(tmp_path / "t.csv", [{"scene": "a", **row, column: value} for row in ROWS])])
+    assert (table.metric, getattr(table, column)) == ("psnr", [None, None])
+    assert any(note.startswith(f"Left out: {tmp_path}/t.csv, line 2: {column} is {value!r}, ") for note in table.notes)
 
 
 def test_parquet_that_cannot_be_read_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

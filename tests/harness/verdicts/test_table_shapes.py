@@ -108,6 +108,13 @@ SHAPES: dict[str, tuple[str, str]] = {
             amp(rf"\multirow{{3}}{{*}}{{{scene}}}" if k == 0 else "", [name, PSNR[k, j]])
             for j, scene in enumerate(SCENES) for k, name in enumerate(METHODS)))),
     "groups of methods": ("t.md", markdown(("Method", SCENES), ("*Explicit*", [""] * 6), *rows())),
+    "blocks of metrics": ("t.md", markdown(("Method", SCENES), ("PSNR ↑", [""] * 6), *rows(), ("Method", SCENES), (
+        "LPIPS ↓ (VGG)", [""] * 6), *rows(LPIPS))),
+    "blocks of metrics, each with a header": ("t.tex", latex(r"\multicolumn{7}{c}{LPIPS}", amp("Method", SCENES), *(
+        amp(*row) for row in rows(LPIPS)), r"\multicolumn{7}{c}{PSNR (dB)}", amp("Method", SCENES), *(
+        amp(*row) for row in rows()))),
+    "blocks of metrics, named beside": ("t.tex", latex(amp("", SCENES), r"& \multicolumn{6}{c}{PSNR}", *(
+        amp(*row) for row in rows()), r"& \multicolumn{6}{c}{LPIPS}", *(amp(*row) for row in rows(LPIPS)))),
     "category": ("t.csv", csv(("Category", ["Method", *SCENES]), *(("explicit", [n, *v]) for n, v in rows()))),
     "data sets": ("psnr.csv", csv(("Dataset", ["Scene", *METHODS]), *(("m360", [s, *v]) for s, v in turned()))),
     "networks": ("t.csv", csv(("", ["Base", *SCENES]), *((n, ["MLP", *v]) for n, v in rows()))),
@@ -125,6 +132,14 @@ SHAPES: dict[str, tuple[str, str]] = {
     "Excel's mark": ("t.csv", "sep=;\n" + csv(("Method", SCENES), *rows(), mark=";")),
     "bold in CSV": ("t.csv", csv(("Method", SCENES), *((n, [f"**{v[0]}**", *v[1:]]) for n, v in rows()))),
     "long table": ("t.tex", latex(amp("Method", SCENES), *(amp(*row) for row in rows()), kind="longtable")),
+    "row ends with stars and skips": ("t.tex", latex(amp("Method", SCENES), *(amp(*row) for row in rows()))
+                                      .replace("\\\\", r"\\*[2pt]% a rule", 3)),
+    "row ends by name": ("t.tex", latex(amp("Method", SCENES), *(amp(*row) for row in rows())).replace(
+        "\\\\", r"\tabularnewline")),
+    "cells of several lines": ("t.tex", latex(amp(r"\begin{tabular}[c]{@{}l@{}}\\Method\end{tabular}", SCENES), *(
+        amp(*row) for row in rows())).replace("360", r"\begin{tabular}[c]{@{}c@{}}\\ 360\end{tabular}")),
+    "NiceTabular": ("t.tex", latex(amp("Method", [r"\Block{1-1}{" + scene + "}" for scene in SCENES]), *(
+        amp(*row) for row in rows()), kind="NiceTabular").replace("}}\n", "}}[hvlines]\n", 1)),
     "lowered spreads": ("t.tex", latex(amp("Method", SCENES), *wrapped("$", r"_{\pm 0.12}$"))),
     "raised marks": ("t.tex", latex(amp("Method", SCENES), *wrapped("", r"$^{1}$"))),
     "boxes": ("t.tex", latex(amp("Method", SCENES), *wrapped(r"\colorbox{red!30}{", "}"))),
@@ -196,13 +211,32 @@ def test_names_are_names_whatever_words_they_hold(is_turned: bool, tmp_path: Pat
 
 
 @pytest.mark.parametrize(
-    "row", ["Std", "Rank", "Time (s)", "FPS", "Gain", "#views", "Median", "Max", "p-value", "Avg. PSNR", "Δ"]
+    "row",
+    [
+        "Std",
+        "Rank",
+        "Time (s)",
+        "FPS",
+        "Gain",
+        "#views",
+        "Median",
+        "Max",
+        "p-value",
+        "Avg. PSNR",
+        "Δ",
+        "Tr. time",
+        "CR",
+        "GFLOPs",
+        "Rend. FPS",
+        "Num. GS",
+        "Compression ratio",
+    ],
 )
 def test_rows_and_columns_of_statistics_are_left_out_and_named(row: str, tmp_path: Path) -> None:
     below = csv(("Method", SCENES), *rows(), (row, [1.5] * 6))
     beside = csv(("Method", [*SCENES, row]), *((name, [*values, 20]) for name, values in rows()))
-    for text in (below, beside):
-        table = read(tmp_path, "psnr.csv", text)
+    for name, text in (("psnr.csv", below), ("psnr.csv", beside), ("t.csv", below)):
+        table = read(tmp_path, name, text)
         require_psnr(table)
         assert any(row.rstrip(".") in said for said in (*table.notes, table.read_as))
 
@@ -250,9 +284,24 @@ def test_seeds_are_read_from_names_columns_and_rows(tmp_path: Path) -> None:
     for text in (csv(("Method", SCENES), *of_methods), csv(("Method", of_scenes), *twice)):
         require_psnr(read(tmp_path, "psnr.csv", text), seeds=2)
     in_rows = csv(("method", ["seed", *SCENES]), *((n, [seed, *v]) for n, v in rows() for seed in (42, 43)))
-    in_columns = csv(("scene", ["method", "psnr_seed0", "psnr_seed1"]), *((s, [m, v, v]) for s, m, _, v in ONE))
-    for text in (in_rows, in_columns):
-        require_psnr(read(tmp_path, "t.csv", text), seeds=2)
+    require_psnr(read(tmp_path, "t.csv", in_rows), seeds=2)
+
+
+@pytest.mark.parametrize(
+    ("names", "seeds"),
+    [
+        (["psnr_seed0", "psnr_seed7"], ["0", "7"]), (["PSNR_1", "PSNR_2"], ["1", "2"]),
+        (["test PSNR (0) ↑", "test PSNR (1) ↑"], ["0", "1"]), (["psnr", "psnr_1"], [""]), (["psnr_5", "psnr"], [""]),
+    ],
+)  # fmt: skip
+def test_columns_of_seeds_are_one_metric(names: list[str], seeds: list[str], tmp_path: Path) -> None:
+    text = csv(("scene", ["method", *names, "ssim"]), *((s, [m, v, v, 0.5]) for s, m, _, v in ONE))
+    records = json.dumps([{"scene": s, "method": m, **dict.fromkeys(names, v), "ssim": 0.5} for s, m, _, v in ONE])
+    for table in (read(tmp_path, "t.csv", text), read(tmp_path, "t.json", records)):
+        require_psnr(table, seeds=len(seeds))
+        assert table.seeds == seeds
+        assert any(note.startswith("A column is read as a seed") for note in table.notes) == (len(seeds) > 1)
+    assert np.isfinite(read(tmp_path, "t.csv", text, "ssim").values).sum() == PSNR.size
 
 
 def test_a_table_among_others_in_a_text_is_read_and_the_others_are_named(tmp_path: Path) -> None:
@@ -284,6 +333,8 @@ def test_a_metric_that_is_better_when_lower_is_known_by_its_name(name: str, tmp_
         ("Method", SCENES), *rows(LPIPS)
     )
     assert read(tmp_path, "t.md", prose).metric == "lpips"
+    title = markdown(("Method", SCENES), ("LPIPS ↓", [""] * 6), *rows(LPIPS))
+    assert read(tmp_path, "t.md", title).metric == "lpips"
     figure = r"\begin{figure}\caption{PSNR over time.}\end{figure}\begin{table}\caption{LPIPS per scene.}"
     table = read(
         tmp_path, "t.tex", figure + latex(amp("", SCENES), *(amp(*row) for row in rows(LPIPS))) + r"\end{table}"
@@ -308,6 +359,10 @@ def test_a_guess_of_psnr_is_stated(tmp_path: Path) -> None:
         (r"27.1{\tiny +0.4}", 27.1),
         (r"27.12 {\footnotesize 0.31}", 27.12), (r"$2.1\times 10^{-3}$", 0.0021), (r"\va", None),
         (r"$27.31_{\pm 0.12}$", 27.31), (r"27.31\std{.12}", 27.31), (r"\colorbox{red!30}{27.31}", 27.31),
+        (r"\phantom{1}9.12", 9.12), (r"$\hphantom{-}9.12$", 9.12), (r"\phantom{\textbf{1}}{\bf 9.12}", 9.12),
+        (r"\hspace*{2pt}{\bf 9.12}", 9.12), (r"\makebox[1em][r]{9.12}", 9.12), (r"\hskip 1em 9.12", 9.12),
+        (r"\;9.12\!", 9.12), (r"33.5$_{\color{red}+0.5}$", 33.5), (r"\underline{33.5}$_{\textcolor{red}{+0.5}}$", 33.5),
+        (r"33.5$^{\textcolor{red}{+0.5}}$", 33.5), (r"33.5{\tiny\textcolor{red}{+0.5}}", 33.5),
         ("27.12 ↑0.4", 27.12), ("27.12 [26.9, 27.7]", 27.12), ('<span style="color:red">25.71</span>', 25.71),
     ],
 )  # fmt: skip
@@ -322,6 +377,7 @@ def test_marks_do_not_change_a_number(cell: str, value: float | None) -> None:
         ("[3DGS](https://example.org)", "3DGS"), (r"F$^2$-NeRF", "F2-NeRF"), (r"\rotatebox{90}{garden}", "garden"),
         (r"\rule{0pt}{2.5ex}Ours", "Ours"), (r"\diagbox{Scene}{Method}", "Scene / Method"), (r"\ours", "ours"),
         (r"\rowcolor[gray]{.9}[0pt][0pt] Ours", "Ours"), ("scene_01_psnr", "scene_01_psnr"), ("NeRF[^1]", "NeRF"),
+        (r"\makecell{Mip\\*[2pt] 360}", "Mip 360"), (r"Mip-NeRF 360$_{large}$", "Mip-NeRF 360_large"),
     ],
 )  # fmt: skip
 def test_names_are_read_without_their_marks(cell: str, name: str) -> None:
@@ -388,8 +444,10 @@ def test_commas_are_decimal_marks_where_no_number_has_a_point(tmp_path: Path) ->
 
 
 def test_data_sets_divide_scenes(tmp_path: Path) -> None:
-    table = read(tmp_path, "t.csv", csv(("scene", ["method", "dataset", "psnr"]), *SPLIT))
-    assert {"a/bicycle", "b/bicycle"} <= set(table.scenes)
+    means = [(s, [m, data, 30]) for s, data in (("Avg.", "a"), ("Avg.", "b"), ("room", "mean")) for m in METHODS]
+    table = read(tmp_path, "t.csv", csv(("scene", ["method", "dataset", "psnr"]), *SPLIT, *means))
+    assert sorted(table.scenes) == sorted(f"{data}/{scene}" for data in "ab" for scene in SCENES)
+    assert table.read_as.endswith("left out as means of the others: a/Avg., b/Avg., mean/room")
 
 
 def test_a_missing_cell_does_not_hide_the_signs_of_pairs_that_have_all_scenes(tmp_path: Path) -> None:
@@ -400,3 +458,12 @@ def test_a_missing_cell_does_not_hide_the_signs_of_pairs_that_have_all_scenes(tm
         judge(read(tmp_path, "psnr.csv", each), None, None) for each in (text, text.replace("25.16", ""))
     )
     assert all(pair.distinguished for result in (complete, lacking) for pair in result.given.pairs)
+
+
+def test_means_of_data_sets_are_judged_with_a_caution(tmp_path: Path) -> None:
+    names = ["Mip-NeRF 360", "Tanks & Temples", "Deep Blending", "NeRF-Synthetic", "LLFF avg.", "new"]
+    notes = read(tmp_path, "psnr.csv", csv(("Method", names), *rows())).notes
+    assert [note for note in notes if note.startswith("Means of data sets are taken for scenes")] == [
+        f"Means of data sets are taken for scenes, but vary less: {', '.join(names[:5])}. Give results by scene."
+    ]
+    assert not any("data sets" in note for note in read(tmp_path, "psnr.csv", csv(("Method", SCENES), *rows())).notes)
