@@ -82,6 +82,10 @@ class Gaussians:
     """The standard deviation, in units of `pixel`, by which a Gaussian is widened."""
     blurred: float = 0.0
     """The variance by which the reference implementation, in place of widening, blurs a picture at distance 1."""
+    traced: bool = False
+    """Whether Mitsuba traces the scene, in which case the harmonics have its signs, and its order: red, green and blue
+    of one term after the other.
+    """
     pointwise: bool = field(default=True, init=False)
     density_limit: float = field(default=math.inf, init=False)
 

@@ -1,6 +1,6 @@
 """Gaussians as the PLY file of the reference implementation of 3D Gaussian Splatting, which viewers of splats open.
 
-Its harmonics have the sign (−1)^m of their order m, and its pictures are blurred by 0.3 square pixels.
+Its harmonics have the sign (−1)^m of their order m, as Mitsuba's, and its pictures are blurred by 0.3 square pixels.
 """
 
 import math
@@ -40,7 +40,8 @@ def ply_bytes(field: Gaussians) -> bytes:
     middle = 0.5 * (field.box.lower + field.box.upper).float().cpu()
     scales = torch.log(field.scales(log_scale) * half)
     rotation = normalize(quaternion, dim=-1)
-    columns = [position * half + middle, scales, rotation, logit, base, harmonics * signs(field.degree)]
+    harmonics = harmonics.unflatten(1, (-1, 3)).mT.flatten(1) if field.traced else harmonics * signs(field.degree)
+    columns = [position * half + middle, scales, rotation, logit, base, harmonics]
     names = [*FIXED, *(f"f_rest_{k}" for k in range(harmonics.shape[1]))]
     header = "".join(f"property float {name}\n" for name in names)
     count = len(position)

@@ -5,7 +5,7 @@ import shlex
 import time
 from pathlib import Path
 
-from harness.command.options import Command, Options, flag, option, reported, require_folder, shared
+from harness.command.options import Command, Options, flag, option, reported, require_folder, require_use, shared
 from harness.execution.progress import Progress
 from harness.gate.gates import KINDS, Gate, gates
 from scenes.files.errors import InputError
@@ -32,6 +32,7 @@ HISTORY: Options = {
 
 def run_gate(options: argparse.Namespace, show: Progress) -> int:
     table = chosen(options.only)
+    require_use(options, "without --renew", not options.renew, "history")
     if options.list:
         for gate in table:
             print(f"{gate.name:34} {gate.what}{gate.unit and f', {gate.unit}'}")

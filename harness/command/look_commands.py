@@ -12,7 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from harness.command.options import FINISHED_RUN, Command, Options, flag, option, require_between, shared
+from harness.command.options import FINISHED_RUN, Command, Options, flag, option, require_between, require_use, shared
 from harness.execution.progress import Progress
 from scenes.files.atomic import require_suffix, write_atomically
 from scenes.files.errors import InputError
@@ -163,8 +163,7 @@ RENDER: Options = {
 def run_render(options: argparse.Namespace, show: Progress) -> int:
     require_between(options, frames=(1, MOST_FRAMES), resolution=(1, 4096), fps=(1, 60))
     require_between(options, threads=(1, 256), seed=(0, 2**31), elevation=(-90, 90))
-    if options.elevation is not None and options.path != "orbit":
-        raise InputError(f"--elevation: --path {options.path} has its own heights; leave the option out")
+    require_use(options, "with --path orbit", options.path == "orbit", "elevation")
 
     from harness.machine.device import chosen_device, keep_freed_memory, rendering_threads, use_threads
     from harness.machine.stopping import told_when_stopped

@@ -6,7 +6,7 @@ import tempfile
 from dataclasses import asdict
 from pathlib import Path
 
-from harness.command.options import Command, Options, flag, option, require_between, shared
+from harness.command.options import Command, Options, flag, option, require_between, require_use, shared
 from harness.execution.progress import Progress
 from scenes.files.errors import InputError
 from scenes.files.json_object import JsonObject
@@ -26,10 +26,11 @@ DOCTOR: Options = {
 
 
 def run_doctor(options: argparse.Namespace, show: Progress) -> int:
-    if options.device is not None:
+    tries = options.device is not None
+    require_use(options, "with --device", tries, "out", "view_set", "minutes", "quick")
+    require_use(options, "without --device", not tries, "json")
+    if tries:
         return try_device(options, show)
-    if given := [f"--{name}" for name in ("out", "view_set", "minutes") if getattr(options, name) is not None]:
-        raise InputError(f"{given[0].replace('_', '-')}: only with --device")
     from harness.machine.doctor import findings
 
     known = []

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from harness.command.options import Options, option, require_between
+from harness.command.options import Options, option, require_between, require_use
 from harness.plan.defaults import KEPT_EVERY
 from scenes.files.errors import InputError
 
@@ -48,8 +48,8 @@ def device_and_bfloat16(
     from harness.machine.device import chosen_device, multiplies_bfloat16
 
     executor = getattr(options, "executor", "local")
-    if getattr(options, "job", []) and executor != "submitit":
-        raise InputError(f"--job {options.job[0]}: is an option of --executor submitit")
+    require_use(options, "with --executor submitit", executor == "submitit", "job")
+    require_use(options, "with --executor ray", executor == "ray", "ray_address")
     if executor == "local":
         device = chosen_device(options.device)
         return device, multiplies_bfloat16(device)

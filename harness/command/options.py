@@ -97,3 +97,13 @@ def require_between(options: argparse.Namespace, **bounds: tuple[float, float]) 
         if value is not None and not (math.isfinite(value) and least <= value <= most):
             number = f"{value:g}" if isinstance(value, float) else value
             raise InputError(f"--{name.replace('_', '-')} {number}: must lie between {least:g} and {most:g}")
+
+
+def require_use(options: argparse.Namespace, when: str, is_so: bool, *names: str) -> None:
+    """Raise `InputError` for one of the options `names` that is given although it means something only `when`."""
+    for name in names if not is_so else ():
+        value = getattr(options, name, None)
+        if value not in (None, False, []):
+            words = [] if value is True else value if isinstance(value, list) else [value]
+            said = " ".join([f"--{name.replace('_', '-')}", *map(str, words)])
+            raise InputError(f"{said}: only {when}; otherwise leave it out")

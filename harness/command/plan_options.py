@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from harness.command.machine_options import device_and_bfloat16
-from harness.command.options import Options, option, require_between
+from harness.command.options import Options, option, require_between, require_use
 from harness.plan.defaults import RENDER_LIMIT
 from scenes.files.errors import InputError
 
@@ -95,6 +95,7 @@ def planned(profile: str, **given: Any) -> "Plan":
     known_names("--profile", [profile], list(PROFILES))
     given = {name: value for name, value in given.items() if value is not None}
     require_between(argparse.Namespace(**given), **RANGES)
+    require_use(argparse.Namespace(**given), "with --scene-file", "scene_file" in given, "render_limit")
     if "scene_file" in given and given.keys() & {"scenes", "view_set"}:
         raise InputError("--scene-file excludes --scenes and --view-set, as it is the only scene")
     if given.keys() >= {"scenes", "view_set"}:
@@ -141,7 +142,7 @@ def _changes() -> dict[str, Change]:
         "view_set": _with_view_sets,
         "region": lambda plan, region: views(plan, region=region),
         "scene_file": _with_scene_file,
-        "render_limit": lambda plan, seconds: replace(plan, render_limit=seconds if plan.scene_file else None),
+        "render_limit": lambda plan, seconds: replace(plan, render_limit=seconds),
         # a user who names methods wants only these
         "methods": lambda plan, names: replace(
             plan.without_extras(), methods=known_names("--methods", names, method_names())
@@ -222,9 +223,8 @@ def planned_by(options: argparse.Namespace, *say: Callable[[str], None]) -> "tup
     given = {name.removeprefix("--").replace("-", "_") for name in PLAN_OPTIONS} - {"profile", "device", "view_sets"}
     values = {name: getattr(options, name) for name in given - set(REGION)}
     values["precision"] = None if options.precision == "auto" else options.precision
+    require_use(options, "with --view-set", options.view_set is not None, *REGION)
     if seen := [f"--{name}" for name in REGION if getattr(options, name) is not None]:
-        if options.view_set is None:
-            raise InputError(f"{' '.join(seen)}: only for --view-set; scenes that are rendered have known bounds")
         try:
             values["region"] = Region(tuple(options.bounds) if options.bounds else None, options.near, options.far)
         except InputError as error:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from harness.command.options import Command, Options, flag, option, require_between, shared
+from harness.command.options import Command, Options, flag, option, require_between, require_use, shared
 from harness.command.plan_options import PLAN_OPTIONS, planned_by
 from harness.execution.progress import Progress
 from scenes.files.atomic import require_suffix
@@ -32,7 +32,7 @@ CONSTANTS: Options = {
     **FILE,
     "--resume": option("train only what a stopped search has not written into FILE"),
     "--carry": option("train only the best pairs of this search, which had fewer steps", "FILE", Path),
-    "--best": option("number of pairs of each method that --carry takes over", "N", int, default=3),
+    "--best": option("number of pairs of each method that --carry takes over (default: 3)", "N", int),
     "--adopt": flag("write the choice for this profile into the file from which methods take their constants"),
 }
 OMISSIONS: Options = {
@@ -95,7 +95,8 @@ def run_constants(options: argparse.Namespace, show: Progress) -> int:
     if plan.budget.steps is None:
         raise InputError("constants: trains for equal steps; leave out --budget-seconds and --budget-core-seconds")
     require_between(options, best=(1, 8))
-    carried = best_of(read_rows(options.carry), plan.methods, options.best) if options.carry else None
+    require_use(options, "with --carry", options.carry is not None, "best")
+    carried = best_of(read_rows(options.carry), plan.methods, options.best or 3) if options.carry else None
 
     def line(row: ConstantsRow) -> str:
         start = "as printed" if row.constants.start is None else f"{row.constants.start:g}"

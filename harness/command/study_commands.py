@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from harness.command.gate_command import remember
-from harness.command.options import FINISHED_RUN, Command, Options, flag, option, require_between, shared
+from harness.command.options import FINISHED_RUN, Command, Options, flag, option, require_between, require_use, shared
 from harness.execution.progress import Progress
 from harness.plan.defaults import PLAIN_SECONDS, QUICK_PLAIN_SECONDS
 from harness.plan.names import known_names
@@ -47,7 +47,7 @@ FRONTIER: Options = {
     "--quick": option("two scenes, two budgets: about eight minutes"),
     "--long": flag("budgets up to 240 core seconds, larger pictures up to 600, three seeds: a day"),
     "--pick": option("only print the family to choose for a scene, from --out", "SCENE"),
-    "--seconds": option("core seconds for --pick (60)", "S", float, default=60.0),
+    "--seconds": option("core seconds for --pick (default: 60)", "S", float),
 }
 STABILITY: Options = {
     **_shelf("cases", " (default: a fresh out/stability-TIME)", "--studies --cases"),
@@ -126,8 +126,10 @@ def run_evidence(options: argparse.Namespace, show: Progress) -> int:
 def run_frontier(options: argparse.Namespace, show: Progress) -> int:
     from harness.studies.frontier.frontier_studies import SHELF
 
-    if options.quick and options.long:
-        raise InputError("--quick and --long exclude each other")
+    require_use(options, "without --quick", not options.quick, "long")
+    require_use(options, "with --pick", options.pick is not None, "seconds")
+    measuring = "studies", "scenes", "methods", "budgets", "seeds", "resolution", "quick", "long", "resume"
+    require_use(options, "without --pick", options.pick is None, *measuring)
     require_between(options, seeds=(1, 100), resolution=(8, 4096), seconds=(0.1, 1e6))
     for budget in options.budgets or ():
         if not 0.1 <= budget <= 1e6:
@@ -137,7 +139,7 @@ def run_frontier(options: argparse.Namespace, show: Progress) -> int:
         from harness.studies.frontier.needs import pick
 
         record = read_studies((options.out or PUBLISHED_FRONTIER) / SHELF.file)
-        print(pick(record.study("needs"), options.pick, options.seconds))
+        print(pick(record.study("needs"), options.pick, options.seconds or 60.0))
         return 0
     if options.list:
         return _listed(SHELF)
@@ -182,6 +184,7 @@ def run_speed(options: argparse.Namespace, show: Progress) -> int:
     from harness.studies.speed.questions import SHELF
 
     require_between(options, plain_seconds=(1, 86400))
+    require_use(options, "without --quick", not options.quick, "history")
     if options.list:
         return _listed(SHELF)
     from harness.machine.device import available_cores, chosen_device

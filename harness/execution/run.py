@@ -178,7 +178,7 @@ class _Run:
         write_run(self.out, structs.replace(self.record, phases=phases, finished=finished, not_tested=not_tested))
 
     def train(self, arriving: Arriving | None) -> None:
-        """Train the missing cells; add the executor's notices to the record's provenance."""
+        """Train the missing cells."""
         cells = _ended_cells(self.out, self.keys)
         missing = len(self.keys) - len(cells)
         elsewhere = stale_cells(cells, self._origin, self.out)
@@ -187,9 +187,6 @@ class _Run:
         self.show.start_training(len(self.keys), missing)
         due = [replace(task, methods=methods) for task in self.tasks if (methods := missing_methods(task))]
         for event in self._events(due, arriving):
-            if event.notice is not None and event.notice not in (notices := self._origin.setdefault("notices", [])):
-                notices.append(event.notice)
-                self.record.provenance["notices"] = notices
             if event.share is not None and event.task is not None:
                 self.show.trained(event.task, event.share)
                 if event.share == 1.0:
@@ -210,6 +207,7 @@ class _Run:
         for event in run_groups(self.machine, tasks, self._origin["commit"], run_locally, arriving):
             if event.notice is not None:
                 self.show.line(event.notice)
+                self._note(event.notice)
             if event.rendered is not None:
                 self.show.rendered(event.rendered, len(self.plan.scenes))
             if event.cell is not None:
@@ -217,6 +215,14 @@ class _Run:
             if event.task is not None and event.share == 1.0:
                 self.show.group(event.task)
             yield event
+
+    def _note(self, notice: str) -> None:
+        """Write a notice of the executor into the record at once, as the run may be killed."""
+        notices = self._origin.setdefault("notices", [])
+        if notice not in notices:
+            notices.append(notice)
+            self.record.provenance["notices"] = notices
+            self.write()
 
 
 def _ended_cells(out: Path, keys: list[Key]) -> list[CellRecord]:

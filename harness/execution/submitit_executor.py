@@ -7,6 +7,7 @@ import json
 import platform
 import re
 import shutil
+import subprocess
 import tempfile
 from collections.abc import Iterator
 from contextlib import suppress
@@ -36,6 +37,10 @@ ALIVE = "alive"
 MOST_ATTEMPTS = 3
 """The maximum number of jobs for a group; Slurm's requeues, after the time limit or for another job, do not count."""
 POLL_SECONDS, TOLD_SECONDS, END_SECONDS, ORPHAN_SECONDS = 1.0, 5.0, 20.0, 600.0
+LATE_SECONDS = 60.0
+"""The time after which a file server shows what a node wrote."""
+MOST_IDS = 500
+"""The maximum number of jobs that one command cancels."""
 USUAL = {"timeout_min": 240, "name": "radiance-verdict"}
 """The default parameters of submitit, which `--job` overrides."""
 
@@ -135,12 +140,25 @@ def ask_node(parent: Path, threads: int, device: str, given: list[str]) -> tuple
     parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=".jobs.", dir=parent, ignore_cleanup_errors=True) as folder:
         jobs = executor(Path(folder), threads, device, given)
-        answer = _result(jobs.submit(_this_node, versions(), device), "no job runs")
+        answer = _result(_submitted(jobs, _this_node, versions(), device), "no job runs")
     if isinstance(answer, str):
         raise InputError(f"--executor submitit: {answer}")
     chosen, bfloat16, processor = answer
     cluster = "Slurm" if jobs.cluster == "slurm" else "no sbatch here: processes of this machine"
     return chosen, bfloat16, f"submitit: {cluster}; a job trains on {chosen} ({processor})"
+
+
+def _submitted(jobs: Any, *work: Any) -> Any:
+    """Submit a call; raises `InputError` with the words of `sbatch` if that refuses it."""
+    from submitit.core.utils import FailedJobError, FailedSubmissionError
+
+    try:
+        return jobs.submit(*work)
+    except (FailedJobError, FailedSubmissionError, FileNotFoundError) as error:
+        raise InputError(
+            f"--executor submitit: no job can be submitted ({' '.join(str(error).split())[:300]}); give what your "
+            "cluster asks for, such as --job slurm_partition=gpu or --job slurm_account=NAME; finished cells are kept"
+        ) from error
 
 
 def _this_node(driver: dict[str, str], device: str) -> tuple[str, bool, str] | str:
@@ -181,6 +199,8 @@ class _Queue:
         self._jobs = executor(self._folder, first.threads, first.device, given)
         self._read: dict[Attempt, int] = {}
         """The number of bytes read of an attempt's journal."""
+        self._ended: dict[Attempt, float] = {}
+        """When an attempt's job was first seen to have ended."""
 
     def _journal(self, attempt: Attempt) -> Path:
         return self._folder / f"{attempt.task.scene}.{attempt.task.seed}.{attempt.number}.jsonl"
@@ -188,7 +208,8 @@ class _Queue:
     def submit(self, attempt: Attempt, task: GroupTask) -> None:
         journal = self._journal(attempt)
         journal.write_text("", encoding="utf-8")
-        attempt.handle = self._jobs.submit(SlurmJob(attempt.task, journal, self._alive, versions(), self._commit))
+        work = SlurmJob(attempt.task, journal, self._alive, versions(), self._commit)
+        attempt.handle = _submitted(self._jobs, work)
 
     def poll(self, running: list[Attempt]) -> Iterator[tuple[Attempt, News]]:
         sleep(POLL_SECONDS)
@@ -196,22 +217,31 @@ class _Queue:
         for attempt in list(running):
             ended = attempt.handle.done()
             yield from self._news(attempt)
-            if ended:
+            if ended and self._has_arrived(attempt):
                 lost = _lost(attempt)
                 yield from self._news(attempt)
                 yield attempt, End(lost)
 
+    def _has_arrived(self, attempt: Attempt) -> bool:
+        """Return whether the result and all news of an ended job are here, or no longer waited for."""
+        whole = self._journal(attempt).stat().st_size == self._read.get(attempt, 0)
+        late = monotonic() - self._ended.setdefault(attempt, monotonic()) >= LATE_SECONDS
+        return late or (whole and attempt.handle.paths.result_pickle.exists())
+
     def _news(self, attempt: Attempt) -> Iterator[tuple[Attempt, News]]:
-        """Yield the news of the journal since the last call; an incomplete line waits."""
+        """Yield the news of the journal since the last call; an incomplete line waits, as does a missing cell."""
         with self._journal(attempt).open("rb") as journal:
             journal.seek(self._read.get(attempt, 0))
             lines = journal.read().splitlines(keepends=True)
         for line in lines:
             if not line.endswith(b"\n"):
                 break
-            self._read[attempt] = self._read.get(attempt, 0) + len(line)
             news = json.loads(line)
-            yield attempt, read_cell(cell_path(attempt.task.out, *news)) if isinstance(news, list) else news
+            cell = cell_path(attempt.task.out, *news) if isinstance(news, list) else None
+            if cell is not None and not cell.exists():
+                break
+            self._read[attempt] = self._read.get(attempt, 0) + len(line)
+            yield attempt, news if cell is None else read_cell(cell)
 
     def again(self, attempt: Attempt, lost: str, missing: tuple[str, ...]) -> tuple[list[Attempt], str]:
         self._lost_any = True
@@ -223,7 +253,11 @@ class _Queue:
 
     def cancel(self, running: list[Attempt]) -> None:
         self._alive.unlink(missing_ok=True)  # a job that cannot be cancelled ends by itself
-        for attempt in running:
+        ids = [attempt.handle.job_id for attempt in running] if self._jobs.cluster == "slurm" else []
+        for first in range(0, len(ids), MOST_IDS):
+            with suppress(OSError):
+                subprocess.run(["scancel", *ids[first : first + MOST_IDS]], check=False)
+        for attempt in running if not ids else ():
             with suppress(Exception):
                 attempt.handle.cancel()
         # another command may then own the folder into which local processes still write

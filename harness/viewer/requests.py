@@ -22,9 +22,8 @@ LARGEST_BODY = 4096
 """In bytes."""
 LARGEST_WIDTH = 1024
 """In pixels."""
-FARTHEST = 1000.0
-"""The largest coordinate and distance."""
-NEAREST = 1e-3
+FARTHEST, NEAREST = 1e9, 1e-9
+"""The largest coordinate and distance, and the smallest distance, of a scene in any unit: float32 has their squares."""
 MOST_METHODS = 8
 LARGEST_NUMBER = 2**53
 """The number up to which a page counts exactly."""

@@ -7,13 +7,16 @@ takes 0.015 ms, not 0.12 ms as with `filelock.FileLock`. Locks belong to descrip
 import errno
 import os
 import stat
-from contextlib import suppress
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL)
 """The error numbers of systems and file systems without locks."""
 FLAGS = os.O_RDWR | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
 """Flags for opening: no link is followed, a pipe does not block."""
+POLL_SECONDS = 0.1
 NOTE_BYTES = 500
 """The number of bytes that are read of the holder's note."""
 
@@ -77,6 +80,21 @@ def acquire(path: Path) -> Lock:
         finally:
             if not held:
                 os.close(handle)
+
+
+@contextmanager
+def waited_for(path: Path) -> Iterator[None]:
+    """Hold the lock of a file, after waiting for its holders, and remove the file at the end. Raises `OSError`."""
+    while True:
+        try:
+            lock = acquire(path)
+            break
+        except LockTaken:
+            time.sleep(POLL_SECONDS)
+    try:
+        yield
+    finally:
+        lock.release(remove=True)
 
 
 def is_held(path: Path, create: bool = False) -> bool | None:

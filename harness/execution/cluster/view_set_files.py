@@ -13,6 +13,7 @@ from pathlib import Path
 from scenes.files.atomic import replacing
 from scenes.files.digest import file_digest
 from scenes.files.errors import InputError
+from scenes.files.lock import waited_for
 
 PIECE_BYTES = 32 << 20
 """The largest piece of a file that is sent at once, which bounds the memory."""
@@ -62,9 +63,9 @@ def on_this_node(listing: Listing, fetch: Callable[[str, int], bytes]) -> Path:
     if _same(listing.folder, listing):
         return listing.folder
     target = node_folder() / "view_sets" / listing.digest[:32] / listing.folder.name
-    if _same(target, listing):
-        return target
-    try:
+    with waited_for(node_folder() / f"{target.parent.name}.lock"):  # no cell replaces what another one reads
+        if _same(target, listing):
+            return target
         with replacing(target.parent) as partial:
             copy = partial / listing.folder.name
             for relative, size in listing.files.items():
@@ -73,11 +74,7 @@ def on_this_node(listing: Listing, fetch: Callable[[str, int], bytes]) -> Path:
                 raise InputError(
                     f"{listing.folder}: changed while it was copied to a node; leave it alone during a run"
                 )
-            if not _same(target, listing):  # a complete copy is one that another cell may be reading
-                shutil.rmtree(target.parent, ignore_errors=True)
-    except OSError:
-        if not _same(target, listing):  # else another cell of this node was faster
-            raise
+            shutil.rmtree(target.parent, ignore_errors=True)
     return target
 
 

@@ -2,6 +2,7 @@
 (`python -m harness study omissions`, `run --verify-omissions`).
 """
 
+import shutil
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -127,13 +128,18 @@ def verify_run(
     scenes: list[SceneRecord],
     folders: dict[str, Path],
 ) -> list[SceneRecord]:
-    """Return `scenes` with what leaving out saved and changed, measured with one method."""
+    """Return `scenes` with what leaving out saved and changed, measured with one method. Its cells are kept in
+    OUT/omissions until all have ended.
+    """
     done = {cell.method for cell in cells if cell.status == "done"}
     trained = [name for name in plan.methods if name in done]  # methods that only explain a result do not count
     if not trained:
+        show.line("--verify-omissions: nothing is measured, as no cell of the plan is done; the records say why")
         return scenes
     one_method = replace(plan, methods=("nerf",) if "nerf" in trained else tuple(trained[:1]))
-    omissions, _ = verified(one_method, folders, out, machine.workers, show.line, device_here(machine))
+    device, kept = device_here(machine), out / "omissions"
+    omissions, _ = verified(one_method, folders, out, machine.workers, show.line, device, kept=kept)
+    shutil.rmtree(kept, ignore_errors=True)
     for omission in too_costly(omissions):
         show.line(f"left out at too high a price: {omission.line}")
     by_scene = {scene.name: [omission for omission in omissions if omission.scene == scene.name] for scene in scenes}

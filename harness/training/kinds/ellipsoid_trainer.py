@@ -25,6 +25,7 @@ class EllipsoidTrainer(GaussianTrainer):
 
     def __init__(self, job: Job) -> None:
         super().__init__(job)
+        self.field.traced = True
         dr.set_thread_count(1)  # several threads would sum gradients in an order that changes from run to run
         self._scene: Traced | None = None
 

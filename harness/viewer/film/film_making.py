@@ -49,10 +49,11 @@ def make_film(plan: FilmPlan, fps: int, show: Progress) -> Iterator[str]:
                 done += 1
                 show.part(f"{name} {part.method}", done, total)
         folder = plan.folder / name
-        sheets = [_sheet(folder / SIDE_BY_SIDE, parts, number) for number in range(len(parts[0].keys))]
+        count = len(parts[0].keys)
+        sheets = (_sheet(folder / SIDE_BY_SIDE, parts, number) for number in range(count))
         file = folder / f"{plan.spec.path}.webp"
-        size = write_animation(file, sheets, fps)
-        yield f"{file}: {len(sheets)} frames, {len(sheets) / fps:.1f} s, {size / 1e3:.0f} kB"
+        size = write_animation(file, sheets, count, fps)
+        yield f"{file}: {count} frames, {count / fps:.1f} s, {size / 1e3:.0f} kB"
         if program := ffmpeg():
             yield write_video(program, file.with_suffix(".mp4"), folder / SIDE_BY_SIDE, fps)
     yield from (tally.line(method, plan.use_cache) for method, tally in tallies.items())

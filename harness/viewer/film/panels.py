@@ -1,7 +1,7 @@
 """Pictures side by side, each below its name, and an animation of them."""
 
 import io
-from collections.abc import Iterable
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -47,18 +47,25 @@ def side_by_side(pictures: dict[str, np.ndarray]) -> np.ndarray:
     return np.asarray(sheet)
 
 
-def write_animation(file: Path, pictures: Iterable[np.ndarray], fps: int) -> int:
-    """Write frames uint8 [h, w, 3] as an animated WebP that loops; returns its size in bytes. Raises `OSError`.
+def write_animation(file: Path, pictures: Iterator[np.ndarray], count: int, fps: int) -> int:
+    """Write `count` frames uint8 [h, w, 3], of which few are held at a time, as an animated WebP that loops; returns
+    its size in bytes. Raises `OSError`.
 
     It is lossless, so that no artefact of a codec is taken for one of a method. Of Pillow's lossless formats WebP is
     the smallest: 40 frames of lego at 400 × 200 take 499 kB, 662 kB as APNG.
     """
     from PIL import Image
 
-    first, *others = (Image.fromarray(picture) for picture in pictures)
+    film = Image.fromarray(next(pictures))
+
+    def show(number: int) -> None:
+        if number:
+            film.paste(Image.fromarray(next(pictures)))
+
+    vars(film).update(n_frames=count, seek=show)  # Pillow asks for the frames of such a picture one after the other
     encoded = io.BytesIO()
     # in a lossless file `quality` is the effort of the compressor
     options = {"lossless": True, "quality": 50, "method": 4}
-    first.save(encoded, "WEBP", save_all=True, append_images=others, duration=round(1000 / fps), loop=0, **options)
+    film.save(encoded, "WEBP", save_all=True, duration=round(1000 / fps), loop=0, **options)
     write_atomically(file, encoded.getvalue())
     return len(encoded.getvalue())

@@ -5,7 +5,6 @@ const RADIANS_PER_PIXEL = 0.008
 const STEP = Math.PI / 36
 const ZOOM = 1.12
 const REACH = 16 // times nearer and farther than the known cameras
-const NEAREST = 1e-3, FARTHEST = 1000 // the limits of the server, in scene units
 
 const clamp = (value, least, most) => Math.min(Math.max(value, least), most)
 
@@ -20,10 +19,10 @@ export function turned(orbit, azimuth, elevation) {
 
 export const zoomed = (orbit, factor) => ({ ...orbit, distance: orbit.distance * factor })
 
-/** The limits of the distance, from the orbits of a scene. */
+/** The limits of the distance, from the orbits of a scene in any unit. */
 export function reach(orbits) {
   const distances = orbits.map(orbit => orbit.distance)
-  return [Math.max(Math.min(...distances) / REACH, NEAREST), Math.min(Math.max(...distances) * REACH, FARTHEST)]
+  return [Math.min(...distances) / REACH, Math.max(...distances) * REACH]
 }
 
 export const within = (orbit, [least, most]) => ({ ...orbit, distance: clamp(orbit.distance, least, most) })

@@ -237,7 +237,7 @@ function showPanels() {
     }
     const cell = page.scene.cells[name], panel = panels.get(name)
     panel.say('mean', decibels(cell.psnr))
-    panel.figures.mean.title = `${cell.weights} weights, ${cell.train_seconds?.toFixed(0)} s of training`
+    panel.figures.mean.title = cell.shown ? `${cell.weights} weights, ${cell.train_seconds.toFixed(0)} s of training` : cell.why
   }
   const focused = $('panels').contains(document.activeElement) ? document.activeElement : null
   $('panels').replaceChildren(...shown.map(({ name }) => panels.get(name).root), truth.root)

@@ -1,6 +1,7 @@
 """Jobs by submitit's local executor, which acts like Slurm without a queue."""
 
 import os
+import pickle
 import signal
 from collections.abc import Iterator
 from pathlib import Path
@@ -8,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from harness.execution import submitit_executor
-from harness.execution.group_loop import Event
+from harness.execution.group_loop import Attempt, End, Event
 from harness.execution.submitit_executor import FOLDER, SlurmJob, ask_node, job_parameters, run_by_submitit
 from harness.machine.provenance import versions
-from harness.records.cells import read_cells
+from harness.records.cells import CellRecord, empty_cell, read_cells, write_cell
 from scenes.files.errors import InputError
 from tests.harness.execution.on_two_executors import COMMIT, SLOW_SCORES, Told, require_the_bits_of_workers, tasks
 from tests.harness.shell import refused
@@ -28,6 +29,25 @@ def no_slurm(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     with monkeypatch.context() as patch:
         patch.setattr("submitit.SlurmExecutor.affinity", lambda: -1)
         yield
+
+
+@pytest.fixture
+def slurm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return the folder of a Slurm that counts its jobs and notes what it cancels; each job has ended at once."""
+    core = pytest.importorskip("submitit.slurm.slurm", reason="the extra `submitit` is not installed")
+    monkeypatch.setattr(core.SlurmJob, "watcher", core.SlurmInfoWatcher())
+    monkeypatch.setenv("PATH", f"{tmp_path / 'bin'}:/usr/bin:/bin")
+    (tmp_path / "bin").mkdir()
+    scripts = {
+        "srun": "exit 1",
+        "sbatch": f"echo x >> {tmp_path}/jobs; echo Submitted batch job $(wc -l < {tmp_path}/jobs)",
+        "sacct": "echo 'JobID|State|NodeList'; for id; do echo \"$id|COMPLETED|node\"; done",
+        "scancel": f'echo "$@" >> {tmp_path}/cancelled',
+    }
+    for name, script in scripts.items():
+        (tmp_path / "bin" / name).write_text(f"#!/bin/sh\n{script}\n", encoding="ascii")
+        (tmp_path / "bin" / name).chmod(0o755)
+    return tmp_path / "bin"
 
 
 def test_numbers_are_numbers_and_words_are_words() -> None:
@@ -54,6 +74,52 @@ def test_wrong_parameters_are_named(no_slurm: None, tmp_path: Path, given: str, 
 def test_parameters_of_jobs_are_no_option_of_another_executor(capsys: pytest.CaptureFixture[str]) -> None:
     said = refused(capsys, "--profile", "smoke", "--job", "timeout_min=5")
     assert said == "error: --job timeout_min=5: is an option of --executor submitit\n"
+
+
+@pytest.mark.parametrize(
+    ("sbatch", "says"),
+    [
+        ("echo sbatch: error: invalid partition specified: x >&2; exit 1", "error: invalid partition specified: x"),
+        ("echo queued", "queued"),
+        (None, "sbatch"),
+    ],
+)
+def test_a_job_that_is_refused_names_the_reason_and_the_remedy(slurm: Path, sbatch: str | None, says: str) -> None:
+    if sbatch is None:
+        (slurm / "sbatch").unlink()
+    else:
+        (slurm / "sbatch").write_text(f"#!/bin/sh\n{sbatch}\n", encoding="ascii")
+    with pytest.raises(InputError, match=r"^--executor submitit: no job can be submitted \(.*--job slurm_") as error:
+        ask_node(slurm.parent / "out", 1, "cpu", [])
+    assert says in str(error.value)
+
+
+def test_jobs_are_cancelled_by_few_commands(slurm: Path, ball_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(submitit_executor, "MOST_IDS", 2)
+    every = tasks(ball_folder, slurm.parent / "out", 3, SCORE)
+    queue = submitit_executor._Queue(every[0], COMMIT, 3, [])
+    attempts = [Attempt(task) for task in every]
+    for attempt in attempts:
+        queue.submit(attempt, attempt.task)
+    queue.cancel(attempts)
+    assert (slurm.parent / "cancelled").read_text(encoding="ascii") == "1 2\n3\n"
+
+
+def test_what_a_file_server_shows_late_is_waited_for(
+    slurm: Path, ball_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(submitit_executor, "POLL_SECONDS", 0.0)
+    (task,) = tasks(ball_folder, slurm.parent / "out", 1, SCORE)
+    queue, attempt = submitit_executor._Queue(task, COMMIT, 1, []), Attempt(task)
+    queue.submit(attempt, task)
+    queue._journal(attempt).write_text('0.5\n["ball", "nerf", 0]\n', encoding="ascii")
+    assert list(queue.poll([attempt])) == [(attempt, 0.5)]
+    write_cell(task.out, empty_cell("ball", "nerf", 0, "error", "late"))
+    ((_, cell),) = queue.poll([attempt])
+    assert isinstance(cell, CellRecord)
+    assert not list(queue.poll([attempt])), "its result is missing"
+    attempt.handle.paths.result_pickle.write_bytes(pickle.dumps(("success", None)))
+    assert list(queue.poll([attempt])) == [(attempt, End())]
 
 
 @pytest.fixture
@@ -88,6 +154,7 @@ def test_a_killed_job_costs_time_and_changes_no_bit(
     no_slurm: None, ball_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(submitit_executor, "POLL_SECONDS", 0.05)
+    monkeypatch.setattr(submitit_executor, "LATE_SECONDS", 0.0)
     events: list[Event] = []
     killed = False
     for event in run_by_submitit(tasks(ball_folder, tmp_path / "jobs", 1, SLOW_SCORES), COMMIT, 1, []):

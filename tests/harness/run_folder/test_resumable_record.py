@@ -168,7 +168,9 @@ def test_a_phase_that_is_interrupted_is_counted() -> None:
 
 def test_notices_of_all_parts_are_kept_once(ball_folder: Path, out: Path) -> None:
     def tells(tasks: list[GroupTask], workers: int) -> Iterator[Event]:
-        yield from (Event(tasks[0], notice=text) for text in ("a node died", "another"))
+        for text in ("a node died", "another"):
+            yield Event(tasks[0], notice=text)
+            assert text in read_run(out).provenance["notices"], "a killed run would lose it"
         yield from in_this_process(tasks, workers)
 
     assert "notices" not in read_run(out).provenance

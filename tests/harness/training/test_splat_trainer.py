@@ -1,5 +1,6 @@
 """`splats` in training: it is bit-identical across a relocation and a stop, and stops at a NaN."""
 
+import math
 import tempfile
 from collections.abc import Callable
 from dataclasses import replace
@@ -9,9 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from torch.nn.functional import normalize
 
 from baselines.catalog import CATALOG
+from baselines.contract import Rays
 from baselines.methods.explicit import GaussianSettings
+from baselines.splats.ply import ply_bytes, read_ply
 from baselines.splats.rasteriser import COLOUR
 from harness.plan.schedule import Budget
 from harness.records.snapshot import read_unfinished, write_unfinished
@@ -25,6 +29,7 @@ from harness.training.lockstep import box_of
 from harness.training.make_learner import NotAvailable, learner_for
 from harness.training.scoring.evaluate import cameras_of
 from harness.training.trainer import Diverged
+from tests.harness.voxels import drjit_or_skip
 
 OWN: GaussianSettings = CATALOG["splats"].settings
 MOVED_EVERY = OWN.moved_every
@@ -133,3 +138,19 @@ def test_colours_of_a_picture_lie_in_0_to_1() -> None:
     colour = learner.field.render(cameras_of(views, views.test, CPU).all_rays(0)).colour
     assert colour.max() == 1.0
     assert colour.min() >= 0.0
+
+
+def test_traced_colours_are_written_as_other_programs_read_them(tmp_path: Path) -> None:
+    drjit_or_skip()
+    views, _ = drawn()
+    box = box_of(views, CPU)
+    learner = learner_for(Job("ellipsoids", box, SETTINGS, Budget(1, None), STREAM, CPU, True))
+    draw = torch.Generator().manual_seed(0)
+    ball = 0.1 * torch.randn(1, learner.field.columns, generator=draw)
+    ball[:, :3], ball[:, 3:6], ball[:, 10] = 0.0, -2.0, 3.0
+    learner.field.values = ball
+    (tmp_path / "a.ply").write_bytes(ply_bytes(learner.field))
+    read = read_ply(tmp_path / "a.ply", math.inf)
+    for direction in normalize(torch.randn(4, 1, 3, generator=draw), dim=-1):
+        ray = Rays(0.5 * (box.lower + box.upper) - 4.0 * direction, direction, 0.1, 9.0)
+        torch.testing.assert_close(read.render(ray).colour, learner.render(ray, 1).colour, rtol=0.0, atol=1e-4)

@@ -12,7 +12,7 @@ from harness.viewer import engine
 from harness.viewer.requests import Orbit
 from harness.viewer.shown_run import ShownRun
 from tests.harness.viewer.conftest import HOSTILE, add_second_scene, shown_of
-from tests.harness.viewer.site import Site, served
+from tests.harness.viewer.site import ORBIT, Site, served
 from tests.reports.browsing import until
 
 pytestmark = pytest.mark.slow
@@ -57,6 +57,9 @@ class Looking:
 
     def figure(self, method: str, key: str) -> str:
         return self.page.locator(f"figure[data-method={method}] dd[data-key={key}]").inner_text()
+
+    def title(self, method: str) -> str | None:
+        return self.page.locator(f"figure[data-method={method}] dd[data-key=mean]").get_attribute("title")
 
     def data(self, method: str, name: str) -> str | None:
         return self.page.locator(f"figure[data-method={method}]").get_attribute(f"data-{name}")
@@ -147,9 +150,20 @@ def test_methods_are_loaded_when_chosen_and_one_that_cannot_be_shown_says_why(br
     look.after(lambda: look.page.locator("input[value=nerf_matched]").check())
     assert look.data("nerf_matched", "state") == "failed"
     assert "was not trained" in look.page.locator("figure[data-method=nerf_matched] .over").inner_text()
+    assert look.title("nerf_matched") == "was not trained"
+    assert look.title("nerf").endswith(" s of training")
     look.after(lambda: look.page.locator("input[value=qnerf]").uncheck())
     assert look.page.locator("figure[data-method=qnerf]").count() == 0
     assert look.data("nerf", "state") == "whole"
+    assert look.noise == []
+
+
+@pytest.mark.parametrize("unit", [1e-5, 1e5])
+def test_a_scene_in_any_unit_can_be_looked_at_from_all_distances(browser: Any, site: Site, unit: float) -> None:
+    look = Looking(browser, site)
+    reach = "unit => import('/camera.js').then(camera => camera.reach([{ distance: unit }]))"
+    assert look.page.evaluate(reach, unit) == pytest.approx([unit / 16, 16 * unit])
+    assert site.render(place={**ORBIT, "distance": unit, "target": [unit, 0.0, 0.0]})[0] == 200
     assert look.noise == []
 
 

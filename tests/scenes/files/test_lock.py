@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from scenes.files.lock import LockTaken, acquire, is_held
+from scenes.files.lock import LockTaken, acquire, is_held, waited_for
 from scenes.files.partial_folders import STALE_SECONDS, abandoned, remove_stale, working_folder
 
 pytest.importorskip("fcntl")
@@ -29,6 +29,15 @@ def test_another_holder_of_the_same_process_excludes_it_and_its_note_is_read(tmp
     lock.release()
     acquire(tmp_path / "lock").release(remove=True)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_lock_is_waited_for_and_its_file_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    other = acquire(tmp_path / "lock")
+    monkeypatch.setattr(time, "sleep", lambda _: other.release())
+    with waited_for(tmp_path / "lock"):
+        assert not other.is_held
+        assert is_held(tmp_path / "lock")
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_process_that_was_forked_meanwhile_does_not_keep_the_lock(tmp_path: Path) -> None:

@@ -20,6 +20,7 @@ from harness.machine import provenance
 from harness.machine.provenance import changed_since, differences, versions
 from harness.plan.group_task import GroupTask
 from scenes.files.errors import InputError
+from scenes.files.lock import is_held
 from tests.harness.cells import cell, checkpoint
 from tests.harness.execution.on_two_executors import tasks
 from tests.harness.tiny import SCORE
@@ -221,6 +222,18 @@ def test_a_shared_folder_is_used_and_elsewhere_it_is_fetched_in_pieces_and_once_
     assert not list((node_folder() / "view_sets").glob(".*")), "nothing unfinished stays"
     flip(copy / "train" / "r_0.png")
     assert listed(on_this_node(there, fetching(here, asked))).digest == here.digest
+
+
+def test_while_a_cell_fetches_the_others_of_its_node_wait(folder: Path) -> None:
+    here = listed(folder)
+
+    def fetch(relative: str, offset: int) -> bytes:
+        (lock,) = node_folder().glob("*.lock")
+        assert is_held(lock)
+        return piece(here, relative, offset)
+
+    on_this_node(replace(here, folder=Path("/not/on/this/node/ball")), fetch)
+    assert not list(node_folder().glob("*.lock"))
 
 
 def test_another_content_at_the_same_path_is_not_taken_for_it(folder: Path) -> None:

@@ -1,13 +1,14 @@
 """Which parts are left out, how they are forced in or out, and the verdicts on leaving them out."""
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from harness.command.plan_options import planned
-from harness.execution.progress import Progress
+from harness.execution.progress import Lines, Progress
 from harness.plan.needed import LEFT_OUT_BY, for_scene, kept, needs_here
 from harness.plan.run_plan import Machine, Plan
 from harness.plan.schedule import Budget
@@ -241,7 +242,31 @@ def test_forcing_does_not_change_what_is_read(tmp_path: Path) -> None:
     assert needs_of(plain) == {}
 
 
-def test_without_a_trained_method_of_the_plan_nothing_is_tried(tmp_path: Path) -> None:
+def test_without_a_trained_method_of_the_plan_nothing_is_tried_and_that_is_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     explaining = empty_cell("ball", "qnerf_printed", 0, "done", "")
     cells = [empty_cell("ball", "nerf", 0, "diverged", "loss"), explaining]
-    assert omissions.verify_run(ball_plan(), Machine("cpu", 1, 1), tmp_path, Progress(), cells, [], {}) == []
+    assert omissions.verify_run(ball_plan(), Machine("cpu", 1, 1), tmp_path, Lines(), cells, [], {}) == []
+    assert "no cell of the plan is done" in capsys.readouterr().out
+
+
+def test_cells_of_a_stopped_verification_are_kept_until_it_ends(
+    ball_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stops(tasks: list[CellTask], _: int) -> list[CellArms]:
+        for task in tasks:
+            assert task.kept is not None
+            task.kept.mkdir(exist_ok=True)
+            if not (task.kept / "ended").exists():
+                (task.kept / "ended").touch()
+                raise KeyboardInterrupt
+        return []
+
+    monkeypatch.setattr(omissions, "trained_cells", stops)
+    cells, folders = [empty_cell("ball", "nerf", 0, "done", "")], {"ball": ball_folder}
+    verify = partial(omissions.verify_run, ball_plan(), Machine("cpu", 1, 1), tmp_path, Progress(), cells, [], folders)
+    with pytest.raises(KeyboardInterrupt):
+        verify()
+    assert verify() == []
+    assert not list(tmp_path.iterdir())

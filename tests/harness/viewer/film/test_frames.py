@@ -3,14 +3,17 @@
 import json
 import os
 import subprocess
-from collections.abc import Callable
+import weakref
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image, ImageSequence
 
 from harness.training.scoring.evaluate import View
 from harness.viewer.film.frames import LISTING, FrameFolder, exr_channels
+from harness.viewer.film.panels import write_animation
 from harness.viewer.film.video import ffmpeg, write_video
 from scenes.view_sets.images import write_png
 from scenes.view_sets.pixels import display_from_linear, over_white
@@ -57,6 +60,22 @@ def test_what_covers_nothing_has_no_colour_and_rounding_makes_none() -> None:
         assert (channels[name] <= channels["A"]).all(), "no brighter than white of the same coverage"
     over = View(*(np.array(values, np.float32) for values in ([[[1.0001, -1e-4, 0.5]]], [[1.00001]], [[3.0]])))
     assert [exr_channels(over)[name].item() for name in "RGA"] == [1.0, 0.0, 1.0]
+
+
+def test_an_animation_holds_few_of_its_frames_at_a_time(tmp_path: Path) -> None:
+    made: list[weakref.ref[np.ndarray]] = []
+
+    def pictures() -> Iterator[np.ndarray]:
+        for level in range(9):
+            assert sum(picture() is not None for picture in made) <= 2
+            picture = np.full((4, 6, 3), 20 * level, dtype=np.uint8)
+            made.append(weakref.ref(picture))
+            yield picture
+
+    write_animation(tmp_path / "a.webp", pictures(), 9, 10)
+    with Image.open(tmp_path / "a.webp") as film:
+        levels = [frame.convert("RGB").getpixel((3, 2)) for frame in ImageSequence.Iterator(film)]
+    assert levels == [(20 * level,) * 3 for level in range(9)]
 
 
 SPOILT: dict[str, Callable[[Path], object]] = {
