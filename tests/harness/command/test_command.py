@@ -53,6 +53,33 @@ def test_what_a_view_set_lists_is_read_in_a_dry_run(capsys: pytest.CaptureFixtur
     assert f"--view-set {tmp_path}/transforms.json" in refused(capsys, "--dry-run", "--view-set", tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("options", "when"),
+    [
+        ("run --render-limit 5.0", "with --scene-file"),
+        ("run --ray-address 192.0.2.9:1", "with --executor ray"),
+        ("run --job timeout_min=5", "with --executor submitit"),
+        ("run --near 0.5", "with --view-set"),
+        ("study constants --best 2 --out c.json", "with --carry"),
+        ("study frontier --seconds 8.0", "with --pick"),
+        ("study frontier --resume --pick lego", "without --pick"),
+        ("study frontier --long --quick", "without --quick"),
+        ("study speed --history x.json --quick", "without --quick"),
+        ("gate --history x.json --renew", "without --renew"),
+        ("doctor --out x.json", "with --device"),
+        ("doctor --json --device cpu", "without --device"),
+    ],
+)
+def test_an_option_that_would_mean_nothing_is_refused(
+    options: str, when: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(options.split()) == 2
+    words = options.split(" --")[1]
+    assert capsys.readouterr().err == f"error: --{words}: only {when}; otherwise leave it out\n"
+    assert list(tmp_path.iterdir()) == []
+
+
 NO_OPTIONS = ("lego", "--colour red", "--seeds many", "--device tpu", "--executor cloud", "--with x")
 
 

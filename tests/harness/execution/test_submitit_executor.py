@@ -15,7 +15,6 @@ from harness.machine.provenance import versions
 from harness.records.cells import CellRecord, empty_cell, read_cells, write_cell
 from scenes.files.errors import InputError
 from tests.harness.execution.on_two_executors import COMMIT, SLOW_SCORES, Told, require_the_bits_of_workers, tasks
-from tests.harness.shell import refused
 from tests.harness.tiny import SCORE
 from tests.replacing import replace
 
@@ -69,11 +68,6 @@ def test_wrong_parameters_are_named(no_slurm: None, tmp_path: Path, given: str, 
     with pytest.raises(InputError, match=f"^--job {given}") as error:
         submitit_executor.executor(tmp_path, 1, "cpu", [given])
     assert says in str(error.value)
-
-
-def test_parameters_of_jobs_are_no_option_of_another_executor(capsys: pytest.CaptureFixture[str]) -> None:
-    said = refused(capsys, "--profile", "smoke", "--job", "timeout_min=5")
-    assert said == "error: --job timeout_min=5: is an option of --executor submitit\n"
 
 
 @pytest.mark.parametrize(

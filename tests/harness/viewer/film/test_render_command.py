@@ -227,7 +227,7 @@ def test_a_dry_run_says_what_it_would_do_and_does_nothing(out: Path, render: Sai
         ("--fps 0", "--fps 0"),
         ("--threads 0", "--threads 0"),
         ("--elevation 91", "--elevation 91"),
-        ("--elevation 10 --path spiral", "--elevation: --path spiral"),
+        ("--elevation 10 --path spiral", "--elevation 10.0: only with --path orbit"),
         ("--path test --frames 4", "4 test views were asked for; choose 0 to 3"),
     ],
 )
