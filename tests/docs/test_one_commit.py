@@ -1,18 +1,26 @@
-"""What is published together was trained at one commit, of a clean tree."""
+"""What is published together was measured at one commit, of a clean tree."""
 
 import json
 
+import pytest
+
 from tests.harness.shell import ROOT
 
-TOGETHER = ("reduced/summary.json", "reduced/halved.json", "adam/summary.json", "converged/summary.json")
-"""The runs that are compared with each other; a replicate is one by its commit."""
+TOGETHER = {
+    "runs": ("reduced/summary.json", "reduced/halved.json", "adam/summary.json", "converged/summary.json"),
+    "studies": ("reduced/evidence.json", "stability.json"),
+}
+"""The runs that are compared with each other, of which a replicate is one by its commit; and studies."""
 
 
-def test_runs_that_are_compared_are_of_one_commit() -> None:
+@pytest.mark.parametrize("kind", TOGETHER)
+def test_what_is_compared_is_of_one_commit(kind: str) -> None:
     docs = ROOT / "docs"
-    commits = {json.loads((docs / file).read_text(encoding="utf-8"))["provenance"]["commit"]: file for file in TOGETHER}
+    commits = {
+        json.loads((docs / file).read_text(encoding="utf-8"))["provenance"]["commit"]: file for file in TOGETHER[kind]
+    }
     replicates = docs / "reduced" / "replicates.json"
-    if replicates.is_file():
+    if kind == "runs" and replicates.is_file():
         runs = json.loads(replicates.read_text(encoding="utf-8"))["runs"]
         commits |= {run["commit"]: "reduced/replicates.json" for run in runs}
     assert len(commits) == 1, commits

@@ -42,10 +42,6 @@ def objections(record: Studies) -> str:
     return "\n".join(f"* {answer}" for answer in _answers(record, "objections"))
 
 
-def collapse(record: Studies) -> str:
-    return " ".join(_answers(record, "collapse"))
-
-
 def _answers(record: Studies, id: str) -> list[str]:
     return [answer for study in record.studies if study.info.id == id for answer in study.answers]
 
@@ -106,11 +102,12 @@ def stability(record: Studies) -> str:
     tried = {whose: many[whose, "pass"] + many[whose, "fail"] for whose in ("ours", "paper", "usual")}
     broken = [f"{study.info.id}, {describe(check)}" for study, check in record.broken]
     failing = f" The failures of our code: {'; '.join(broken)}." if broken else ""
+    unclear = many["ours", "inconclusive"]
+    more = f"{unclear} more {'is' if unclear == 1 else 'are'}" if unclear else "none is"
     return (
         f"In {len(record.studies)} cases, of {tried['ours']} checks of our code with a verdict, "
-        f"{many['ours', 'pass']} pass and {many['ours', 'fail']} fail; {many['ours', 'inconclusive']} more are "
-        "inconclusive. The paper's printed formulas fail "
-        f"{many['paper', 'fail']} of {tried['paper']} and the field's usual ones {many['usual', 'fail']} of "
+        f"{many['ours', 'pass']} pass and {many['ours', 'fail']} fail; {more} inconclusive. The paper's printed formulas "
+        f"fail {many['paper', 'fail']} of {tried['paper']} and the field's usual ones {many['usual', 'fail']} of "
         f"{tried['usual']}.{failing} It took {sum(study.seconds for study in record.studies) / 60:.0f} minutes.\n\n"
         "![The matrix of cases in miniature](stability.png)"
     )
