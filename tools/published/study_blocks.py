@@ -104,11 +104,12 @@ def stability(record: Studies) -> str:
     failing = f" The failures of our code: {'; '.join(broken)}." if broken else ""
     unclear = many["ours", "inconclusive"]
     more = f"{unclear} more {'is' if unclear == 1 else 'are'}" if unclear else "none is"
+    minutes = sum(study.seconds for study in record.studies) / 60
     return (
         f"In {len(record.studies)} cases, of {tried['ours']} checks of our code with a verdict, "
-        f"{many['ours', 'pass']} pass and {many['ours', 'fail']} fail; {more} inconclusive. The paper's printed formulas "
-        f"fail {many['paper', 'fail']} of {tried['paper']} and the field's usual ones {many['usual', 'fail']} of "
-        f"{tried['usual']}.{failing} It took {sum(study.seconds for study in record.studies) / 60:.0f} minutes.\n\n"
+        f"{many['ours', 'pass']} pass and {many['ours', 'fail']} fail; {more} inconclusive. The paper's printed "
+        f"formulas fail {many['paper', 'fail']} of {tried['paper']} and the field's usual ones "
+        f"{many['usual', 'fail']} of {tried['usual']}.{failing} It took {minutes:.0f} minutes.\n\n"
         "![The matrix of cases in miniature](stability.png)"
     )
 
