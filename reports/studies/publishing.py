@@ -69,7 +69,7 @@ PICTURES: dict[str, list[tuple[str, Callable[[Studies], list[Drawing]], int]]] =
         ("stability.png", lambda record: [(small, key_of(small)) for small in miniature(record)], 1),
         ("stability_curves.png", first_charts, 2),
     ],
-    "speed": [("speed.png", lambda record: charts_of_study(record, "3"), 3)],
+    "speed": [],
     "frontier": [("frontier.png", lambda record: charts_of_study(record, "error_against_time")[:1], 1)],
     "history": [("history.png", lambda record: charts_of(record.studies[0].series)[:3] if record.studies else [], 3)],
     "serving": [],

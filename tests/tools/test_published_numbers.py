@@ -195,8 +195,8 @@ def test_stability_serving_and_what_is_left_out_are_counted() -> None:
     passed, failed = ours.count("pass"), ours.count("fail")
     words = f" of {passed + failed} checks of our code with a verdict, {passed} pass and {failed} fail"
     assert words in block("stability", docs)
-    confusions = read_studies(docs / "reduced/serving.json").study("confusions")
-    (table,) = confusions.tables
+    latency = read_studies(docs / "reduced/serving.json").study("latency")
+    (table,) = latency.tables
     stale = sum(bool(row[2]) for row in table.rows)
     assert f"another picture in {stale} of {len(table.rows)} kinds" in block("serving", docs)
     first = json.loads((docs / "left_out.json").read_text(encoding="utf-8"))["omissions"][0]
