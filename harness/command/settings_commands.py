@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, TypeVar
 from harness.command.options import Command, Options, flag, option, require_between, require_use, shared
 from harness.command.plan_options import PLAN_OPTIONS, planned_by
 from harness.execution.progress import Progress
+from harness.plan.defaults import BEST_PAIRS
 from scenes.files.atomic import require_suffix
 from scenes.files.errors import InputError
 from scenes.files.json_object import JsonObject
@@ -32,7 +33,7 @@ CONSTANTS: Options = {
     **FILE,
     "--resume": option("train only what a stopped search has not written into FILE"),
     "--carry": option("train only the best pairs of this search, which had fewer steps", "FILE", Path),
-    "--best": option("number of pairs of each method that --carry takes over (default: 3)", "N", int),
+    "--best": option(f"number of pairs of each method that --carry takes over (default: {BEST_PAIRS})", "N", int),
     "--adopt": flag("write the choice for this profile into the file from which methods take their constants"),
 }
 OMISSIONS: Options = {
@@ -96,7 +97,7 @@ def run_constants(options: argparse.Namespace, show: Progress) -> int:
         raise InputError("constants: trains for equal steps; leave out --budget-seconds and --budget-core-seconds")
     require_between(options, best=(1, 8))
     require_use(options, "with --carry", options.carry is not None, "best")
-    carried = best_of(read_rows(options.carry), plan.methods, options.best or 3) if options.carry else None
+    carried = best_of(read_rows(options.carry), plan.methods, options.best or BEST_PAIRS) if options.carry else None
 
     def line(row: ConstantsRow) -> str:
         start = "as printed" if row.constants.start is None else f"{row.constants.start:g}"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from harness.command.gate_command import remember
 from harness.command.options import FINISHED_RUN, Command, Options, flag, option, require_between, require_use, shared
 from harness.execution.progress import Progress
-from harness.plan.defaults import PLAIN_SECONDS, QUICK_PLAIN_SECONDS
+from harness.plan.defaults import PICK_SECONDS, PLAIN_SECONDS, QUICK_PLAIN_SECONDS
 from harness.plan.names import known_names
 from scenes.files.errors import InputError
 
@@ -47,7 +47,7 @@ FRONTIER: Options = {
     "--quick": option("two scenes, two budgets: about eight minutes"),
     "--long": flag("budgets up to 240 core seconds, larger pictures up to 600, three seeds: a day"),
     "--pick": option("only print the family to choose for a scene, from --out", "SCENE"),
-    "--seconds": option("core seconds for --pick (default: 60)", "S", float),
+    "--seconds": option(f"core seconds for --pick (default: {PICK_SECONDS:g})", "S", float),
 }
 STABILITY: Options = {
     **_shelf("cases", " (default: a fresh out/stability-TIME)", "--studies --cases"),
@@ -139,7 +139,7 @@ def run_frontier(options: argparse.Namespace, show: Progress) -> int:
         from harness.studies.frontier.needs import pick
 
         record = read_studies((options.out or PUBLISHED_FRONTIER) / SHELF.file)
-        print(pick(record.study("needs"), options.pick, options.seconds or 60.0))
+        print(pick(record.study("needs"), options.pick, options.seconds or PICK_SECONDS))
         return 0
     if options.list:
         return _listed(SHELF)

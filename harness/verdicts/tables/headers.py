@@ -13,7 +13,7 @@ LOWER = {name for name, metric in METRICS.items() if not metric.higher_is_better
 LOWER |= {"rmse", "mse", "mae", "fid", "kid", "dists", "chamfer", "dssim", "mlpips", "error", "err", "loss"}
 """The metrics that are better when lower, also as part of a name, as in `lpips_vgg`."""
 HIGHER = {name for name, metric in METRICS.items() if metric.higher_is_better}
-HIGHER |= {"psnr", "ssim", "iou", "msssim", "mpsnr", "mssim", "accuracy", "f1"}
+HIGHER |= {"iou", "msssim", "mpsnr", "mssim", "accuracy", "f1"}
 KNOWN = {*METRICS, *LOWER, *HIGHER, "ms-ssim"} - {"error", "err", "loss"}
 INVERTED = re.compile(r"(?:1|one)\s*(?:[-−–]|[_ ]?minus[_ ]?)\s*|neg(?:ative)?[_ ]|inv(?:erse)?[_ ]")
 """The beginning of the name of a metric that is turned round, as in `1 - SSIM`."""
