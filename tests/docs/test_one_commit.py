@@ -8,7 +8,14 @@ from tests.harness.shell import ROOT
 
 TOGETHER = {
     "runs": ("reduced/summary.json", "reduced/halved.json", "adam/summary.json", "converged/summary.json"),
-    "studies": ("reduced/evidence.json", "stability.json", "reduced/serving.json", "speed.json", "left_out.json"),
+    "studies": (
+        "reduced/evidence.json",
+        "stability.json",
+        "reduced/serving.json",
+        "speed.json",
+        "left_out.json",
+        "frontier/frontier.json",
+    ),
 }
 """The runs that are compared with each other, of which a replicate is one by its commit; and studies."""
 
