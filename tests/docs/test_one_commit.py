@@ -15,6 +15,7 @@ TOGETHER = {
         "speed.json",
         "left_out.json",
         "frontier/frontier.json",
+        "frontier/families.json",
     ),
 }
 """The runs that are compared with each other, of which a replicate is one by its commit; and studies."""
