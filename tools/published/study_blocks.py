@@ -54,8 +54,12 @@ def frontier(record: Studies) -> str:
         for study in record.studies
     }
     answers = [f"* **{title.rstrip('?')}.** {' '.join(words)}" for title, words in by_title.items() if words]
-    means = [means for study in record.studies for means in study.tables if means.id == "over_scenes"]
-    tables = [table(grid.columns, (map(str, line) for line in grid.rows)) for grid in means]
+    tables = [
+        f"{study.info.title}:\n\n{table(grid.columns, (map(str, line) for line in grid.rows))}"
+        for study in record.studies
+        for grid in study.tables
+        if grid.id == "over_scenes"
+    ]
     minutes, made = sum(study.seconds for study in record.studies) / 60, record.provenance
     took = f"It took {minutes:.0f} minutes on {made['cores']} cores ({made['processor']})."
     return "\n\n".join([*tables, "\n".join(answers), took, FRONTIER_PICTURE])
