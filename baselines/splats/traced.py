@@ -1,7 +1,7 @@
 """The same Gaussians, traced and differentiated by Mitsuba: its shape `ellipsoids` and integrator `volprim_rf_basic`,
 which composites the largest value of each Gaussian along a ray (Moenne-Loccoz et al. 2024, arXiv 2407.07090).
 
-Importing this module imports Mitsuba and chooses its variant for the process.
+Importing this module imports Mitsuba and sets its variant; a renderer may set another between two uses of a scene.
 """
 
 from typing import Any, no_type_check
@@ -13,7 +13,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-mi.set_variant("llvm_ad_rgb")
+VARIANT = "llvm_ad_rgb"
+mi.set_variant(VARIANT)
 
 from mitsuba.python.ad.integrators.volprim_rf_basic import (  # noqa: E402 — of the variant that is set
     BasicVolumetricPrimitiveRadianceFieldIntegrator,
@@ -76,6 +77,7 @@ class Traced:
 
     def __init__(self, numbers: tuple[Tensor, ...]) -> None:
         """Take numbers as `NAMES` lists them, each [gaussians, numbers]."""
+        _set_variant()
         self.count = len(numbers[0])
         self.integrator = OverWhite(mi.Properties("volprim_rf_basic"))
         self.integrator.srgb_primitives = False
@@ -95,6 +97,7 @@ class Traced:
         self.sampler = mi.load_dict({"type": "independent"})
 
     def move(self, numbers: tuple[Tensor, ...]) -> None:
+        _set_variant()
         for name, part in zip(NAMES, numbers, strict=True):
             self.parameters[name] = mi.Float(part.detach().numpy().ravel())
         self.parameters.update()
@@ -103,6 +106,7 @@ class Traced:
         self, origins: Float[Tensor, "rays 3"], directions: Float[Tensor, "rays 3"]
     ) -> tuple[Float[Tensor, "rays 3"], Float[Tensor, " rays"], Float[Tensor, " rays"], int]:
         """Return colour over white, transmittance, distance times opacity, and the number of Gaussians met."""
+        _set_variant()
         colour, let, distance, hits = self.integrator.seen(self.scene, _ray(origins, directions))
         dr.eval(colour, let, distance, hits)
         return _tensor(colour).T.contiguous(), _tensor(let), _tensor(distance), int(np.array(hits).sum())
@@ -118,6 +122,7 @@ class Traced:
 
         The loop runs once more along the same path, and computes the light from behind each Gaussian by subtraction.
         """
+        _set_variant()
         for name in NAMES:
             dr.enable_grad(self.parameters[name])
         ray, slope, state = _ray(origins, directions), _colour(to_colour), _colour(colour)
@@ -128,6 +133,12 @@ class Traced:
         for name in NAMES:
             dr.disable_grad(self.parameters[name])
         return gradients
+
+
+def _set_variant() -> None:
+    """Set the variant of the process again if a renderer has changed it: the names of `mi` are those of its variant."""
+    if mi.variant() != VARIANT:
+        mi.set_variant(VARIANT)
 
 
 def _tensor(values: Any) -> Tensor:

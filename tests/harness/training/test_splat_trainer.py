@@ -29,6 +29,8 @@ from harness.training.lockstep import box_of
 from harness.training.make_learner import NotAvailable, learner_for
 from harness.training.scoring.evaluate import cameras_of
 from harness.training.trainer import Diverged
+from scenes.rendering.render import use
+from scenes.rendering.variant import Variant
 from tests.harness.voxels import drjit_or_skip
 
 OWN: GaussianSettings = CATALOG["splats"].settings
@@ -154,3 +156,18 @@ def test_traced_colours_are_written_as_other_programs_read_them(tmp_path: Path) 
     for direction in normalize(torch.randn(4, 1, 3, generator=draw), dim=-1):
         ray = Rays(0.5 * (box.lower + box.upper) - 4.0 * direction, direction, 0.1, 9.0)
         torch.testing.assert_close(read.render(ray).colour, learner.render(ray, 1).colour, rtol=0.0, atol=1e-4)
+
+
+def test_traced_steps_have_the_same_bits_if_a_renderer_sets_another_variant_between_them() -> None:
+    drjit_or_skip()
+    views, batches = drawn()
+    learners = []
+    for disturbed in (False, True):
+        learner = learner_for(Job("ellipsoids", box_of(views, CPU), SETTINGS, Budget(4, None), STREAM, CPU, True))
+        for step in range(1, 4):
+            train(learner, batches.for_learner(learner.whole_views, STREAM, 256), at_step(step))
+            if disturbed:
+                use(Variant("scalar_rgb", None, "test"))
+        learners.append(learner)
+    alone, between = learners
+    assert torch.equal(alone.field.values, between.field.values)
