@@ -225,7 +225,7 @@ def test_the_frontier_is_told_by_its_means_and_answers(tmp_path: Path) -> None:
     text = block("frontier", tmp_path)
     assert "| nerf | 21.35 |" in text
     assert "* **Who is ahead.** splats is best, 30.10 dB." in text
-    assert "It took 2 minutes on 2 cores (some processor)." in text
+    assert "Measured on 2 cores (some processor)." in text
     near = "At 4 core seconds planes is not distinguished from splats."
     leaders = f"splats is best, 30.10 dB. It wins. {near} 2 scenes, 1 seed, some processor: "
     assert block("leaders", tmp_path).startswith(leaders), "nerf is 8.75 dB behind on both scenes"
