@@ -15,6 +15,8 @@ TOGETHER = {
         "speed.json",
         "left_out.json",
         "frontier/frontier.json",
+        "frontier/late.json",
+        "frontier/large.json",
         "frontier/families.json",
     ),
 }

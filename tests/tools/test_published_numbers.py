@@ -231,6 +231,24 @@ def test_the_frontier_is_told_by_its_means_and_answers(tmp_path: Path) -> None:
     assert block("leaders", tmp_path).startswith(leaders), "nerf is 8.75 dB behind on both scenes"
 
 
+def test_longer_budgets_are_told_with_their_scale(tmp_path: Path) -> None:
+    amount = {"scenes": list("ab"), "seeds": [0], "resolution": 100, "large_scenes": ["a"], "large_resolution": 400}
+    for file, name, mean in (("late", "Error", "31.24"), ("large", "Larger", "34.10")):
+        means = Table("over_scenes", 0, "t", ["family", "240 core s"], [["splats", mean]])
+        machine = {"cores": 2, "processor": "some processor"}
+        settings = {"amount": amount}
+        record = fake_studies("frontier", provenance=machine, settings=settings, studies=[study(file, name, means)])
+        write_fake_studies(tmp_path / "frontier", record)
+        (tmp_path / "frontier/frontier.json").rename(tmp_path / f"frontier/{file}.json")
+    text = block("longer", tmp_path)
+    assert "Error:\n\n| family | 240 core s |" in text
+    assert "| splats | 31.24 |" in text
+    assert "| splats | 34.10 |" in text
+    assert (
+        "2 scenes of 100 pixels, 1 seed; 1 scene of 400 pixels, 1 seed. Measured on 2 cores (some processor)." in text
+    )
+
+
 def test_another_processor_and_failed_runs_are_told(tmp_path: Path) -> None:
     processors = {
         "origins": {"instruction_set": [["AVX2"], ["AVX512"]]},

@@ -47,6 +47,7 @@ BLOCKS: dict[str, tuple[tuple[str, ...], Callable[..., str]]] = {
     "evidence": (("reduced/evidence.json",), study_blocks.evidence),
     "objections": (("reduced/evidence.json",), study_blocks.objections),
     "frontier": (("frontier/frontier.json",), study_blocks.frontier),
+    "longer": (("frontier/late.json", "frontier/large.json"), study_blocks.longer),
     "families": (("frontier/families.json",), study_blocks.families),
     "leaders": (("frontier/frontier.json",), study_blocks.leaders),
     "stability": (("stability.json",), study_blocks.stability),

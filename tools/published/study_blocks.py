@@ -54,14 +54,32 @@ def frontier(record: Studies) -> str:
         for study in record.studies
     }
     answers = [f"* **{title.rstrip('?')}.** {' '.join(words)}" for title, words in by_title.items() if words]
-    tables = [
+    machine = f"Measured on {record.provenance['cores']} cores ({record.provenance['processor']})."
+    return "\n\n".join([*_over_scenes(record), "\n".join(answers), machine, FRONTIER_PICTURE])
+
+
+def longer(late: Studies, large: Studies) -> str:
+    """Tabulate a longer budget with who is ahead in it, and a longer one of larger pictures."""
+    amount, larger, made = late.settings["amount"], large.settings["amount"], late.provenance
+    scales = [
+        f"{counted(len(amount['scenes']), 'scene')} of {amount['resolution']} pixels, {_seeds(amount)}",
+        f"{counted(len(larger['large_scenes']), 'scene')} of {larger['large_resolution']} pixels, {_seeds(larger)}",
+    ]
+    machine = f"{'; '.join(scales)}. Measured on {made['cores']} cores ({made['processor']})."
+    return "\n\n".join([*_over_scenes(late), *_over_scenes(large), " ".join([*_answers(late, "front"), machine])])
+
+
+def _seeds(amount: Run) -> str:
+    return counted(len(amount["seeds"]), "seed")
+
+
+def _over_scenes(record: Studies) -> list[str]:
+    return [
         f"{study.info.title}:\n\n{table(grid.columns, (map(str, line) for line in grid.rows))}"
         for study in record.studies
         for grid in study.tables
         if grid.id == "over_scenes"
     ]
-    machine = f"Measured on {record.provenance['cores']} cores ({record.provenance['processor']})."
-    return "\n\n".join([*tables, "\n".join(answers), machine, FRONTIER_PICTURE])
 
 
 def families(searched: Run) -> str:
@@ -84,7 +102,7 @@ def families(searched: Run) -> str:
 
 def leaders(record: Studies) -> str:
     amount = record.settings["amount"]
-    scale = f"{counted(len(amount['scenes']), 'scene')}, {counted(len(amount['seeds']), 'seed')}"
+    scale = f"{counted(len(amount['scenes']), 'scene')}, {_seeds(amount)}"
     where = f"{scale}, {record.provenance['processor']}: on another machine a core second is another amount of work."
     best, winners, *_ = _answers(record, "front")
     by_time = next(study for study in record.studies if study.info.id == "error_against_time")

@@ -71,7 +71,8 @@ def best_mean(frontier: Frontier) -> str:
     errors = {family: f" (depth error {depth})" if depth else "" for family, depth in depths.items()}
     scores = "; ".join(f"{family} {means[family]:.2f} dB{errors[family]}" for family in both)
     over = f"{scenes} scene{'s' * (scenes > 1)} of {frontier.amount.resolution} pixels"
-    return f"At {last:g} core seconds {best} has the best mean over {over}: {scores}."
+    which = "the best" if len(means) > 1 else "this"
+    return f"At {last:g} core seconds {best} has {which} mean over {over}: {scores}."
 
 
 def depth_over_scenes(frontier: Frontier) -> Table:

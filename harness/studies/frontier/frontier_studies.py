@@ -29,8 +29,9 @@ STUDIES: dict[str, Study] = catalogue(
            "at 100 and at 400 pixels, on all threads; how many scenes reach 25, 28 and 30 dB, and when.",
            "costs:costs", 60, AT_BUDGETS),
     asking("larger", "Larger pictures",
-           "Is the leader the same with 400 pixels?",
-           "Four families train on views of 400 pixels of three scenes; everything else is as above.",
+           "Is the leader the same with larger pictures?",
+           "Families train on larger views of fewer scenes, with as much noise as those of a default run; all other "
+           "settings are as above.",
            "error_against_time:larger", 5, AT_LARGE_BUDGETS),
     asking("peers", "Other programs",
            "What do programs of others reach on a processor?",

@@ -176,6 +176,10 @@ def test_larger_pictures_have_a_table_and_lines_of_their_own() -> None:
     assert "1 scene of 400 pixels: nerf 28.00 dB" in str(findings[0])
     panel = "Error against core seconds of training, all scenes, 400 px"
     assert list(lines(findings))[:2] == [(panel, "nerf"), (panel, "planes")]
+    of_nerf = [cell for cell in of_mic if cell.method == "nerf"]
+    alone = replace(amount, large_families=("nerf",))
+    findings = list(larger(replace(here, amount=alone, cells={"large_16": of_nerf})))
+    assert "nerf has this mean over 1 scene" in str(findings[0]), "one family is not the best of several"
 
 
 def test_others_are_compared_with_the_best_of_ours_in_no_more_time(monkeypatch: pytest.MonkeyPatch) -> None:
