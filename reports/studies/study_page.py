@@ -103,7 +103,7 @@ def about(study: StudyRecord) -> list[tuple[str, str]]:
     """Return how a study was made, as pairs of a term and a text."""
     pairs = [("how", study.info.method), ("scale", _merged(study.scale))]
     pairs += [("passes if" if fact == "bar" else fact, text) for fact, text in study.info.facts.items()]
-    pairs += [("took", duration(study.seconds))] if study.seconds else []
+    pairs += [("took", f"{duration(study.seconds)} since its last start")] if study.seconds else []
     return [(term, text) for term, text in pairs if text]
 
 
@@ -171,11 +171,9 @@ def sentences(record: Studies) -> list[str]:
         for many, noun in ((len(checks), "check"), (len(subjects), "subject"), (effects, "effect"))
         if many
     ]
-    seconds = sum(study.seconds for study in record.studies)
-    took = f", in {duration(seconds)}" if seconds else ""
     with_parts = f" with {listed(parts)}" if parts else ""
     words = [
-        f"{counted(len(record.studies), *WORDS[record.shelf].noun)}{with_parts}{took}{_machine(record.provenance)}."
+        f"{counted(len(record.studies), *WORDS[record.shelf].noun)}{with_parts}{_machine(record.provenance)}."
     ]
     if unsettled := sum(check.status == "inconclusive" for check in checks):
         words.append(f"Inconclusive: {counted(unsettled, 'check')}; each says why.")
@@ -196,14 +194,14 @@ def sentences(record: Studies) -> list[str]:
 
 
 def _machine(origin: JsonObject) -> str:
-    """Return ` on X with 2 cores and 2 threads, without units for bfloat16 matrix multiplications`, as far as known."""
+    """Return `, measured on X with 2 cores and 2 threads, without units for bfloat16 matrix multiplications`, as far as known."""
     processor, device, has_units = (origin.get(name) for name in ("processor", "device", "bfloat16_products"))
     parts = [
         counted(origin[name], noun)
         for name, noun in (("cores", "core"), ("threads", "thread"))
         if isinstance(origin.get(name), int)
     ]
-    words = f" on {processor}" if isinstance(processor, str) else ""
+    words = f", measured on {processor}" if isinstance(processor, str) else ""
     words += f" with {listed(parts)}" if words and parts else ""
     words += f", on its {device}" if isinstance(device, str) and device not in ("", "cpu") else ""
     if isinstance(has_units, bool):
