@@ -172,9 +172,7 @@ def sentences(record: Studies) -> list[str]:
         if many
     ]
     with_parts = f" with {listed(parts)}" if parts else ""
-    words = [
-        f"{counted(len(record.studies), *WORDS[record.shelf].noun)}{with_parts}{_machine(record.provenance)}."
-    ]
+    words = [f"{counted(len(record.studies), *WORDS[record.shelf].noun)}{with_parts}{_machine(record.provenance)}."]
     if unsettled := sum(check.status == "inconclusive" for check in checks):
         words.append(f"Inconclusive: {counted(unsettled, 'check')}; each says why.")
     forms = []
@@ -194,7 +192,7 @@ def sentences(record: Studies) -> list[str]:
 
 
 def _machine(origin: JsonObject) -> str:
-    """Return `, measured on X with 2 cores and 2 threads, without units for bfloat16 matrix multiplications`, as far as known."""
+    """Return `, measured on X with 2 cores, without units for bfloat16 matrix multiplications`, as far as known."""
     processor, device, has_units = (origin.get(name) for name in ("processor", "device", "bfloat16_products"))
     parts = [
         counted(origin[name], noun)

@@ -71,6 +71,7 @@ ELSEWHERE = {
     ("harness run", "--with"): "tests of a package, which is installed",
     ("harness conformance", "--with"): "tests of a package, which is installed",
     ("harness run", "--lpips"): "its tests, with weights that they make",
+    ("harness frontier", "--long"): "more than a night; its plan is tested",
     ("harness gate", "--renew"): "half an hour",
     ("harness constants", "--adopt"): "its tests, into a copy of the file",
     ("harness constants", "--device"): "tests of a GPU",
